@@ -1,0 +1,26 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "brash_ice_rig/config/config_error.h"
+#include "brash_ice_rig/config/scenario.h"
+
+namespace brash_ice_rig {
+
+/// Where a scenario comes from; later entries win over earlier ones: file, overlays in order, settings in order.
+struct ScenarioSources {
+  std::string file;                   ///< path of a scenario YAML
+  std::vector<std::string> overlays;  ///< paths of YAML files that hold only the changed keys
+  std::vector<std::string> settings;  ///< `section.key=value`
+};
+
+/// Reads, composes and validates a scenario.
+/// @throws ConfigError on an unreadable or empty file, a YAML syntax error, an unknown key (names the nearest known
+///   one), a wrong type, a value out of range, or two overlays that give one key different values
+Scenario loadScenario(const ScenarioSources& sources);
+
+/// The whole scenario as YAML, every key with its value; loadScenario reads it back to an equal scenario.
+std::string toYaml(const Scenario& scenario);
+
+}  // namespace brash_ice_rig

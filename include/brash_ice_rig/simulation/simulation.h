@@ -1,0 +1,70 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include <Eigen/Core>
+
+#include "brash_ice_rig/config/scenario.h"
+#include "brash_ice_rig/simulation/snapshot.h"
+
+namespace brash_ice_rig {
+
+/// What an advance() did.
+struct StepReport {
+  std::uint64_t steps = 0;
+  StatusFlags flags;  ///< raised during this advance
+};
+
+/// Field, water and rig together. Knows nothing of ROS.
+///
+/// One thread owns it. The exceptions are setCraneVelocity(), setFoldTarget() and tare(): any thread may call them; the
+/// last value counts and takes effect at the next step boundary.
+/// Same scenario and same commands at the same steps give the same bits, for any number of threads.
+class Simulation {
+ public:
+  /// @throws ConfigError if the scenario is not valid
+  explicit Simulation(const Scenario& scenario);
+  ~Simulation();
+  Simulation(Simulation&&) noexcept;
+  Simulation& operator=(Simulation&&) noexcept;
+
+  const Scenario& scenario() const;
+
+  /// Fixed time step, s; divides the load cell's sample period.
+  double timeStep() const;
+  /// Load cell's sample period, s: the natural length of an advance.
+  double samplePeriod() const;
+  std::size_t particleCount() const;
+  std::uint64_t stepCount() const;
+
+  /// Velocity of the crane tip, m/s, frame map. Counts only in manual control, for crane.command_timeout_s of simulated
+  /// time; raises a flag otherwise. A value that is not finite is refused and stops the crane.
+  void setCraneVelocity(const Eigen::Vector3d& velocity_mps);
+  /// Fold ratio to go to, 0 folded .. 1 unfolded. Counts only in manual control. Non-finite or outside 0..1 is refused.
+  void setFoldTarget(double ratio);
+  /// Makes the present reading zero from the next sample on.
+  void tare();
+
+  /// Runs the world on. Rounds to whole steps; never changes the step.
+  /// After a non-finite state the world is frozen: nothing moves any more and the flag stays.
+  /// @param duration_s  simulated time, > 0
+  StepReport advance(double duration_s);
+
+  Snapshot snapshot() const;
+  ParticleCloud particles() const;
+  PlugState plug() const;
+
+  /// The script has come to its end (never in manual control), or the world is frozen.
+  bool finished() const;
+  bool frozen() const;
+
+  /// 64-bit hash of everything that decides the future.
+  std::uint64_t stateHash() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace brash_ice_rig

@@ -1,0 +1,81 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "brash_ice_rig/simulation/status.h"
+
+namespace brash_ice_rig {
+
+enum class Stage { kSettle, kLower, kUnfold, kLift, kHold, kDone, kManual };
+
+/// Lower-case name, e.g. "lift".
+const char* stageName(Stage stage);
+
+/// Vertical forces in N. Those on the load cell add up to its tension (positive: the rig pulls down on the crane):
+/// tension = weight - buoyancy + ice_normal + ice_friction + inertia.
+/// Those on the plug follow Fig. 4 of the paper: plug_friction is what the plug's own weight, buoyancy, drag and inertia
+/// leave of the ice force, i.e. what the surrounding ice adds by friction and cohesion.
+struct ForceComponents {
+  double weight_n = 0.0;          ///< collector and pole, > 0
+  double buoyancy_n = 0.0;        ///< of collector and pole, > 0
+  double ice_normal_n = 0.0;      ///< ice on net and pole, normal part, > 0 down
+  double ice_friction_n = 0.0;    ///< ice on net and pole, tangential part, > 0 down
+  double inertia_n = 0.0;         ///< mass of collector and pole times upward acceleration
+  double plug_gravity_n = 0.0;    ///< weight of the raised ice, > 0
+  double plug_buoyancy_n = 0.0;   ///< buoyancy of the raised ice, > 0
+  double plug_drag_n = 0.0;       ///< water drag on the raised ice, > 0 when it opposes lifting
+  double plug_friction_n = 0.0;   ///< see above, > 0 when it adds to the load
+};
+
+/// Crane tip, pole and collector.
+struct RigState {
+  Eigen::Vector3d crane_position_m = Eigen::Vector3d::Zero();  ///< suspension point, frame map
+  Eigen::Vector3d crane_velocity_mps = Eigen::Vector3d::Zero();
+  Eigen::Vector3d commanded_velocity_mps = Eigen::Vector3d::Zero();  ///< after limits
+  double hoist_position_m = 0.0;  ///< height of the hub over the still waterline, up positive
+  double fold_ratio = 1.0;        ///< 0 folded, 1 unfolded, > 1 drooping because it did not lock
+  double fold_target = 1.0;
+  double arm_angle_rad = 0.0;  ///< arm over the horizontal, < 0 drooping
+  bool locked = true;
+};
+
+/// The ice that the collector has raised by more than one spacing.
+struct PlugState {
+  double lifted_mass_kg = 0.0;
+  std::size_t raised_particles = 0;
+  double radius_at_waterline_m = 0.0;  ///< of a disc with the raised ice's section at z = 0; 0: none there
+  double radius_at_top_m = 0.0;        ///< the same for the layer below the highest raised particle
+  std::size_t hole_sites = 0;          ///< original sites of the raised particles
+  double hole_refill_ratio = 0.0;      ///< share of hole sites into which neighbours have moved, 0..1
+};
+
+/// State at one instant. Cheap to copy; particles are fetched apart.
+struct Snapshot {
+  double time_s = 0.0;  ///< 0 is the end of settling; negative before
+  Stage stage = Stage::kSettle;
+  double force_n = 0.0;           ///< load-cell reading with sensor errors and tare
+  double tension_n = 0.0;         ///< the truth behind it
+  Eigen::Vector3d load_cell_force_n = Eigen::Vector3d::Zero();  ///< reading in x, y, and z = force_n
+  Eigen::Vector3d ice_force_n = Eigen::Vector3d::Zero();        ///< of the ice on net and pole, frame map
+  ForceComponents components;
+  RigState rig;
+  double kinetic_energy_j = 0.0;
+  StatusFlags flags;
+};
+
+/// Particles for display and files; all arrays have one entry per particle.
+struct ParticleCloud {
+  std::vector<float> x_m, y_m, z_m;
+  std::vector<float> speed_mps;
+  std::vector<float> pressure_pa;     ///< > 0 in compression
+  std::vector<float> plastic_strain;  ///< accumulated deviatoric plastic strain
+  std::vector<float> damage;          ///< 0 intact .. 1 gone
+  std::vector<float> submerged;       ///< share under water, 0..1
+  std::size_t size() const { return x_m.size(); }
+};
+
+}  // namespace brash_ice_rig

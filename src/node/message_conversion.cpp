@@ -105,7 +105,7 @@ geometry_msgs::WrenchStamped toWrench(const Stamp& stamp, const Eigen::Vector3d&
 }
 
 Eigen::Vector3d trueLoadCellForce(const Snapshot& snapshot) {
-  return {-snapshot.ice_force_n.x(), -snapshot.ice_force_n.y(), snapshot.tension_n};
+  return {snapshot.ice_force_n.x(), snapshot.ice_force_n.y(), snapshot.tension_n};
 }
 
 ForceComponents toForceComponents(const Stamp& stamp, const Snapshot& snapshot) {

@@ -43,9 +43,8 @@ void plotRun(const std::string& directory) {
 
   std::error_code error;
   const fs::path program = fs::read_symlink("/proc/self/exe", error).parent_path() / "plot_force";
-  std::string force_csv = directory + "/force.csv", force_png = directory + "/force.png";
-  std::string program_text = program.string();
-  char* const arguments[] = {program_text.data(), force_csv.data(), force_png.data(), nullptr};
+  std::string program_text = program.string(), force_csv = directory + "/force.csv";
+  char* const arguments[] = {program_text.data(), force_csv.data(), nullptr};
   pid_t child = 0;
   if (const int code = posix_spawn(&child, program_text.c_str(), nullptr, nullptr, arguments, environ); code != 0) {
     std::fprintf(stderr, "no force plot: %s: %s\n", program_text.c_str(), std::strerror(code));
@@ -62,10 +61,7 @@ void plotRun(const std::string& directory) {
     kill(child, SIGKILL);
     waitpid(child, &status, 0);
   }
-  if (done == child && WIFEXITED(status) && WEXITSTATUS(status) == 0) {
-    std::printf("%s\n", force_png.c_str());
-    std::fflush(stdout);
-  } else {
+  if (done != child || !WIFEXITED(status) || WEXITSTATUS(status) != 0) {
     std::fprintf(stderr, "no force plot: %s %s failed\n", program_text.c_str(), force_csv.c_str());
   }
 }

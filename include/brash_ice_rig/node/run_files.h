@@ -34,8 +34,8 @@ class RunFiles {
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
-/// Draws the force-time plot of a finished run with the program plot_force that lies beside this one, and prints what
-/// came of it on stdout. Takes seconds. A plot that fails is reported and does no harm.
+/// Draws the force-time plot of a finished run with the program plot_force that lies beside this one and that prints the
+/// picture's path on stdout. Takes seconds. A plot that fails is reported on stderr and does no harm.
 void plotRun(const std::string& directory);
 
 }  // namespace brash_ice_rig

@@ -21,6 +21,7 @@ constexpr double kFirstStamp_s = 1.0;    // ROS takes time 0 for "no clock yet"
 constexpr double kIdleCreep_s = 1.0e-6;  // see publishIdleFrame()
 constexpr double kLongestStep_s = 3600.0;
 constexpr double kCommandLogInterval_s = 2.0;
+constexpr std::chrono::seconds kCommanderMemory{1};  // wall time for which a sender of commands counts as active
 
 bool isFinite(const geometry_msgs::Vector3& vector) {
   return std::isfinite(vector.x) && std::isfinite(vector.y) && std::isfinite(vector.z);
@@ -133,10 +134,9 @@ void RigNode::onCraneCommand(const ros::MessageEvent<geometry_msgs::TwistStamped
   const bool known_frame = frame.empty() || frame == options_.frame_prefix + frames::kMap ||
                            frame == options_.frame_prefix + frames::kCraneTip;
   // Nobody can tell which of two drivers means it: the crane obeys neither and stops.
-  if (crane_subscriber_.getNumPublishers() > 1) {
-    ROS_WARN_STREAM_THROTTLE(kCommandLogInterval_s, topics::kCraneCommand
-                                                        << " has more than one publisher; refused a command from "
-                                                        << event.getPublisherName());
+  if (countCommanders(event.getPublisherName()) > 1) {
+    ROS_WARN_STREAM_THROTTLE(kCommandLogInterval_s, "more than one node commands " << topics::kCraneCommand
+                                                        << "; refused a command from " << event.getPublisherName());
     velocity.setZero();
   } else if (!known_frame || !isFinite(command.twist.angular)) {
     ROS_WARN_STREAM_THROTTLE(kCommandLogInterval_s, "refused a command on " << topics::kCraneCommand << " in frame \""
@@ -148,6 +148,16 @@ void RigNode::onCraneCommand(const ros::MessageEvent<geometry_msgs::TwistStamped
   }
   const std::lock_guard<std::mutex> lock(simulation_mutex_);
   simulation_->setCraneVelocity(velocity);
+}
+
+std::size_t RigNode::countCommanders(const std::string& speaker) {
+  const auto now = WallClock::now();
+  const std::lock_guard<std::mutex> lock(commanders_mutex_);
+  if (!speaker.empty()) commanders_[speaker] = now;
+  for (auto commander = commanders_.begin(); commander != commanders_.end();) {
+    commander = now - commander->second > kCommanderMemory ? commanders_.erase(commander) : std::next(commander);
+  }
+  return commanders_.size();
 }
 
 void RigNode::onFoldCommand(const std_msgs::Float64& message) {
@@ -414,7 +424,7 @@ void RigNode::publishStatus(WallClock::time_point now) {
   StatusFlags flags = raised_;
   flags |= snapshot.flags;
   if (command_refused_.exchange(false)) flags.set(StatusFlag::kCommandRejected);
-  if (crane_subscriber_.getNumPublishers() > 1) flags.set(StatusFlag::kMultipleCommanders);
+  if (countCommanders() > 1) flags.set(StatusFlag::kMultipleCommanders);
   if (!idle() && pacer_.overloaded(now)) flags.set(StatusFlag::kOverload);
   raised_ = StatusFlags();
 

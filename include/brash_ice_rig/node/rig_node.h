@@ -7,6 +7,7 @@
 #include <deque>
 #include <functional>
 #include <future>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -58,6 +59,10 @@ class RigNode {
 
   // Callback threads.
   void onCraneCommand(const ros::MessageEvent<geometry_msgs::TwistStamped const>& event);
+  /// Nodes that have sent a velocity command within the last second. Counting those that are merely connected would lock
+  /// the crane for a silent panel, or for a driver that crashed and that ROS still lists.
+  /// @param speaker  name of the node that sends one now, or empty
+  std::size_t countCommanders(const std::string& speaker = "");
   void onFoldCommand(const std_msgs::Float64& message);
   Answer ask(std::function<Answer()> work);
   Answer tare();
@@ -97,6 +102,9 @@ class RigNode {
   std::mutex simulation_mutex_;  ///< held while simulation_ is replaced, and by the setters' callers
   std::unique_ptr<Simulation> simulation_;
   std::uint64_t steps_per_sample_ = 1;
+
+  std::mutex commanders_mutex_;
+  std::map<std::string, WallClock::time_point> commanders_;  ///< node name -> when it was heard last
 
   std::mutex request_mutex_;
   std::condition_variable request_arrived_;

@@ -317,4 +317,36 @@ struct Scenario {
 /// Standard gravity as the paper uses it, m/s².
 constexpr double kGravityMps2 = 9.81;
 
+/// Working memory that one particle takes, bytes: neighbour list with cached gradients, state and copies, rounded up.
+constexpr double kBytesPerParticle = 3000.0;
+
+/// Lattice sites along one length of the field: the length over the spacing, rounded; ≥ 0. A double, because a typing
+/// error in the spacing must not overflow before validate() has refused it.
+double sitesAlong(double length_m, double spacing_m);
+
+/// Particles of the field: the product of sitesAlong() for its three lengths.
+double particleCount(const FieldConfig& field);
+
+// Heights are in m over the still waterline (z = 0), up positive. The hub is the collector's lowest point unless the
+// arms droop.
+
+/// Depth of the undisturbed ice bottom below the waterline, m, > 0: thickness times ice density over water density. The
+/// void fraction drops out, because eqs. 1 and 2 scale weight and buoyancy alike.
+double iceDraft(const Scenario& scenario);
+
+/// From the hub to an arm's tip, m.
+double armLength(const CollectorConfig& collector);
+
+/// Arm over the horizontal when unfolded and locked, rad.
+double unfoldedArmAngle(const CollectorConfig& collector);
+
+/// Hub when the procedure starts: under the ice with the rim start_gap_m below it, or start_gap_m above the ice.
+double startHubHeight(const Scenario& scenario);
+
+/// Hub when the lift begins. After lowering, the folded arm tips are lower_clearance_m below the ice bottom.
+double lowestHubHeight(const Scenario& scenario);
+
+/// Hub at the end of the lift.
+double liftEndHubHeight(const Scenario& scenario);
+
 }  // namespace brash_ice_rig

@@ -1,0 +1,211 @@
+#include "brash_ice_rig/config/scenario.h"
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <initializer_list>
+#include <limits>
+#include <string>
+
+#include "brash_ice_rig/config/config_error.h"
+#include "number_check.h"
+
+namespace brash_ice_rig {
+namespace {
+
+constexpr double kDegree = 3.14159265358979323846 / 180.0;
+
+/// Absorbs round-off where lengths that were meant to be equal are compared, m.
+constexpr double kLengthTolerance = 1.0e-9;
+
+/// Checks the range of every number of the scenario.
+class RangeChecker {
+ public:
+  template <class Number>
+  void operator()(const char* name, const Number& value, const Range& range, const char*) {
+    const auto number = static_cast<double>(value);
+    checkRange(section_ + name, number, formatNumber(number), range);
+  }
+  void operator()(const char* name, const std::optional<double>& value, const Range& range, const char* text) {
+    if (value) (*this)(name, *value, range, text);
+  }
+  template <class Word>
+  void operator()(const char*, const Word&, std::initializer_list<const char*>, const char*) {}
+  template <class Word>
+  void operator()(const char*, const Word&, const char*) {}
+
+  template <class Section>
+  void section(const char* name, Section& section) {
+    section_ = std::string(name) + ".";
+    section.visit(*this);
+    section_.clear();
+  }
+
+ private:
+  std::string section_;
+};
+
+void require(bool fulfilled, const char* key, double value, const std::string& rule) {
+  if (!fulfilled) throw ConfigError(key, formatNumber(value), rule);
+}
+
+/// Three decimals at most, for derived figures in messages.
+std::string rounded(double value) {
+  return formatNumber(std::round(value * 1000.0) / 1000.0);
+}
+
+void checkField(const FieldConfig& field) {
+  const double spacing = field.spacing_m;
+  require(field.thickness_m >= spacing - kLengthTolerance, "field.thickness_m", field.thickness_m,
+          "must be at least one field.spacing_m (" + formatNumber(spacing) + ")");
+  // The outermost particles are fixed: with fewer than five there is hardly anything left to move.
+  const std::string rule = "must be at least 5 times field.spacing_m (" + formatNumber(spacing) + ")";
+  require(field.length_x_m >= 5.0 * spacing - kLengthTolerance, "field.length_x_m", field.length_x_m, rule);
+  require(field.length_y_m >= 5.0 * spacing - kLengthTolerance, "field.length_y_m", field.length_y_m, rule);
+}
+
+/// Memory that can be had without swapping, bytes; none where the system does not tell.
+std::optional<double> availableMemory() {
+  std::ifstream in("/proc/meminfo");
+  std::string name;
+  double kibibytes = 0.0;
+  std::string rest_of_line;
+  while (in >> name >> kibibytes) {
+    if (name == "MemAvailable:") return kibibytes * 1024.0;
+    std::getline(in, rest_of_line);
+  }
+  return std::nullopt;
+}
+
+void checkSize(const FieldConfig& field) {
+  const double count = particleCount(field);
+  constexpr double kMaxCount = std::numeric_limits<int>::max();
+  const std::string remedy = "; choose a larger spacing or a smaller field";
+  const std::string particles = "makes " + rounded(count / 1.0e6) + " million particles";
+  require(count <= kMaxCount, "field.spacing_m", field.spacing_m,
+          particles + ", at most " + rounded(kMaxCount / 1.0e6) + " million can be numbered" + remedy);
+  const double needed = count * kBytesPerParticle;
+  const std::optional<double> available = availableMemory();
+  require(!available || needed <= *available, "field.spacing_m", field.spacing_m,
+          particles + ", which need about " + rounded(needed / 1.0e9) + " GB of memory, but only " +
+              rounded(available.value_or(0.0) / 1.0e9) + " GB are free" + remedy);
+}
+
+void checkFloats(const Scenario& scenario) {
+  require(
+      scenario.ice.parent_density_kgpm3 < scenario.water.density_kgpm3, "ice.parent_density_kgpm3",
+      scenario.ice.parent_density_kgpm3,
+      "must be less than water.density_kgpm3 (" + formatNumber(scenario.water.density_kgpm3) + "), or the ice sinks");
+}
+
+void checkCollector(const Scenario& scenario) {
+  const CollectorConfig& collector = scenario.collector;
+  const FieldConfig& field = scenario.field;
+  const double half_side = 0.5 * std::min(field.length_x_m, field.length_y_m);
+  const double largest_radius = half_side - 2.0 * field.spacing_m;
+  require(collector.radius_m <= largest_radius + kLengthTolerance, "collector.radius_m", collector.radius_m,
+          "must be at most " + rounded(largest_radius) + ": half of the field's shorter side (" +
+              formatNumber(half_side) + ") less 2 times field.spacing_m");
+  const double unfolded_deg = unfoldedArmAngle(collector) / kDegree;
+  require(collector.folded_arm_angle_deg > unfolded_deg, "collector.folded_arm_angle_deg",
+          collector.folded_arm_angle_deg,
+          "must be greater than the unfolded arm's angle atan(rim_height_m / radius_m) = " + rounded(unfolded_deg));
+}
+
+void checkContact(const ContactConfig& contact) {
+  require(contact.friction_dynamic <= contact.friction_static, "contact.friction_dynamic", contact.friction_dynamic,
+          "must be at most contact.friction_static (" + formatNumber(contact.friction_static) + ")");
+}
+
+/// The crane tip must be able to stand where the pole's upper end is while the hub is at this height.
+void checkCraneHolds(const Scenario& scenario, double hub_height, const std::string& moment) {
+  const CraneConfig& crane = scenario.crane;
+  const double tip = hub_height + scenario.collector.pole_length_m;
+  const std::string position = moment + " (hub at " + rounded(hub_height) + " m, pole of " +
+                               formatNumber(scenario.collector.pole_length_m) + " m)";
+  // Bounds are rounded outwards: the figure in the message must be good enough when it is typed in.
+  require(tip <= crane.max_height_m + kLengthTolerance, "crane.max_height_m", crane.max_height_m,
+          "must be at least " + formatNumber(std::ceil((tip - kLengthTolerance) * 1000.0) / 1000.0) +
+              " to hold the rig " + position);
+  require(tip >= crane.min_height_m - kLengthTolerance, "crane.min_height_m", crane.min_height_m,
+          "must be at most " + formatNumber(std::floor((tip + kLengthTolerance) * 1000.0) / 1000.0) +
+              " to hold the rig " + position);
+}
+
+void checkCraneSpeed(const CraneConfig& crane, const char* key, double speed) {
+  require(speed <= crane.max_speed_mps, key, speed,
+          "must be at most crane.max_speed_mps (" + formatNumber(crane.max_speed_mps) + ")");
+}
+
+void checkCrane(const Scenario& scenario) {
+  const CraneConfig& crane = scenario.crane;
+  const ProcedureConfig& procedure = scenario.procedure;
+  require(crane.min_height_m < crane.max_height_m, "crane.min_height_m", crane.min_height_m,
+          "must be less than crane.max_height_m (" + formatNumber(crane.max_height_m) + ")");
+  checkCraneHolds(scenario, startHubHeight(scenario), "at the start");
+  if (procedure.control == ControlMode::kManual) return;  // whoever drives by hand need not follow the script
+
+  checkCraneSpeed(crane, "procedure.lift_speed_mps", procedure.lift_speed_mps);
+  if (procedure.start == StartPose::kFoldedAboveIce) {
+    checkCraneSpeed(crane, "procedure.lower_speed_mps", procedure.lower_speed_mps);
+    checkCraneHolds(scenario, lowestHubHeight(scenario), "at the end of lowering");
+  }
+  checkCraneHolds(scenario, liftEndHubHeight(scenario), "at the end of the lift");
+}
+
+}  // namespace
+
+double sitesAlong(double length_m, double spacing_m) {
+  return std::round(length_m / spacing_m);
+}
+
+double particleCount(const FieldConfig& field) {
+  return sitesAlong(field.length_x_m, field.spacing_m) * sitesAlong(field.length_y_m, field.spacing_m) *
+         sitesAlong(field.thickness_m, field.spacing_m);
+}
+
+double iceDraft(const Scenario& scenario) {
+  return scenario.field.thickness_m * scenario.ice.parent_density_kgpm3 / scenario.water.density_kgpm3;
+}
+
+double armLength(const CollectorConfig& collector) {
+  return std::hypot(collector.radius_m, collector.rim_height_m);
+}
+
+double unfoldedArmAngle(const CollectorConfig& collector) {
+  return std::atan2(collector.rim_height_m, collector.radius_m);
+}
+
+double startHubHeight(const Scenario& scenario) {
+  const double gap = scenario.procedure.start_gap_m;
+  if (scenario.procedure.start == StartPose::kFoldedAboveIce) {
+    return scenario.field.thickness_m - iceDraft(scenario) + gap;
+  }
+  return -iceDraft(scenario) - scenario.collector.rim_height_m - gap;
+}
+
+double lowestHubHeight(const Scenario& scenario) {
+  if (scenario.procedure.start == StartPose::kUnfoldedUnderIce) return startHubHeight(scenario);
+  const CollectorConfig& collector = scenario.collector;
+  const double folded_height = armLength(collector) * std::sin(collector.folded_arm_angle_deg * kDegree);
+  return -iceDraft(scenario) - folded_height - scenario.procedure.lower_clearance_m;
+}
+
+double liftEndHubHeight(const Scenario& scenario) {
+  return lowestHubHeight(scenario) + scenario.procedure.lift_speed_mps * scenario.procedure.lift_duration_s;
+}
+
+void Scenario::validate() const {
+  Scenario copy = *this;  // visit() hands out references that can be written to
+  RangeChecker checker;
+  copy.visit(checker);
+
+  checkField(field);
+  checkSize(field);
+  checkFloats(*this);
+  checkCollector(*this);
+  checkContact(contact);
+  checkCrane(*this);
+}
+
+}  // namespace brash_ice_rig

@@ -1,0 +1,411 @@
+#include "brash_ice_rig/config/scenario_reader.h"
+
+#include <cmath>
+#include <locale>
+#include <regex>
+#include <set>
+#include <sstream>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <gtest/gtest.h>
+#include <yaml-cpp/yaml.h>
+
+#include "config_files.h"
+#include "key_lister.h"
+
+namespace brash_ice_rig {
+namespace {
+
+std::string exactText(double value) {
+  std::ostringstream out;
+  out.imbue(std::locale::classic());
+  out.precision(17);
+  out << value;
+  return out.str();
+}
+
+const std::string& pullUp() {
+  static const std::string path = sourceFile("config/scenarios/pull_up.yaml");
+  return path;
+}
+
+Scenario fromText(const std::string& yaml) {
+  return loadScenario({writeFile("scenario.yaml", yaml), {}, {}});
+}
+
+/// Reads a scenario from text and gives the refusal without the file's path; line and rest are left.
+std::string refusalOfText(const std::string& yaml) {
+  const std::string path = writeFile("scenario.yaml", yaml);
+  const std::string text = refusal({path, {}, {}});
+  EXPECT_EQ(text.rfind(path + ":", 0), 0u) << text;
+  return text.substr(std::min(path.size() + 1, text.size()));
+}
+
+std::string refusalOfSetting(const std::string& setting) {
+  return refusal({pullUp(), {}, {setting}});
+}
+
+// ---- what is shipped
+
+TEST(ShippedScenarios, EachLoads) {
+  const auto files = shippedFiles("config/scenarios");
+  ASSERT_GE(files.size(), 2u);
+  for (const std::string& file : files) {
+    SCOPED_TRACE(file);
+    EXPECT_NO_THROW(loadScenario({file, {}, {}}));
+  }
+}
+
+TEST(ShippedSimulations, EachLoadsOverThePullUp) {
+  const auto files = shippedFiles("config/simulations");
+  ASSERT_EQ(files.size(), 10u) << "the paper has ten simulations";
+  std::set<std::string> titles;
+  for (const std::string& file : files) {
+    SCOPED_TRACE(file);
+    Scenario scenario;
+    ASSERT_NO_THROW(scenario = loadScenario({pullUp(), {file}, {}}));
+    titles.insert(scenario.title);
+  }
+  EXPECT_EQ(titles.size(), files.size());
+}
+
+TEST(ShippedScenarios, PullUpGivesEachKeyAndTheDefaultsAreItsValues) {
+  const std::string path = pullUp();
+  const YAML::Node file = YAML::LoadFile(path);
+  KeyLister defaults{Scenario{}};
+  const KeyLister loaded{loadScenario({path, {}, {}})};
+  defaults.values["title"] = loaded.values.at("title");
+  EXPECT_EQ(loaded.values, defaults.values);
+
+  const std::set<std::string> left_to_eq_10 = {"ice.shear_constant_pa", "ice.shear_slope"};
+  for (const auto& [key, value] : defaults.values) {
+    const auto dot = key.find('.');
+    const bool given =
+        dot == std::string::npos ? file[key].IsDefined() : file[key.substr(0, dot)][key.substr(dot + 1)].IsDefined();
+    EXPECT_NE(given, left_to_eq_10.count(key) == 1) << key;
+  }
+}
+
+TEST(ShippedScenarios, FullProcedureStartsAboveTheIceAndEndsWithTheRimAboveIt) {
+  const Scenario scenario = loadScenario({sourceFile("config/scenarios/full_procedure.yaml"), {}, {}});
+  EXPECT_EQ(scenario.procedure.start, StartPose::kFoldedAboveIce);
+  const double ice_top = scenario.field.thickness_m - iceDraft(scenario);
+  EXPECT_GT(startHubHeight(scenario), ice_top);
+  EXPECT_GT(liftEndHubHeight(scenario), ice_top);
+}
+
+TEST(ShippedSimulations, HoldTheFiguresOfTables5And6) {
+  struct Row {
+    const char* file;
+    double void_fraction, cohesion, angle, alpha, theta, r, x0, d1;
+  };
+  const Row rows[] = {
+      {"a1", 0.70, 200, 50, 200, 0.396, 8.957, 2000, 86e-6},   {"a2", 0.70, 50, 50, 100, 0.396, 8.957, 450, 386e-6},
+      {"a3", 0.70, 1000, 50, 1000, 0.396, 8.957, 9000, 23e-6}, {"b1", 0.60, 200, 50, 200, 0.396, 8.957, 2000, 86e-6},
+      {"b2", 0.60, 50, 50, 100, 0.396, 8.957, 450, 386e-6},    {"b3", 0.60, 1000, 50, 1000, 0.396, 8.957, 9000, 23e-6},
+      {"b4", 0.60, 200, 40, 200, 0.315, 17.205, 4000, 43e-6},  {"b5", 0.60, 200, 60, 200, 0.469, 8.957, 4000, 386e-6},
+      {"c1", 0.50, 200, 50, 200, 0.396, 8.957, 2000, 86e-6},   {"d1", 0.36, 200, 50, 200, 0.396, 8.957, 2000, 86e-6},
+  };
+  for (const Row& row : rows) {
+    SCOPED_TRACE(row.file);
+    const std::string overlay = sourceFile(std::string("config/simulations/") + row.file + ".yaml");
+    const IceConfig ice = loadScenario({pullUp(), {overlay}, {}}).ice;
+    EXPECT_EQ(ice.void_fraction, row.void_fraction);
+    EXPECT_EQ(ice.cohesion_pa, row.cohesion);
+    EXPECT_EQ(ice.friction_angle_deg, row.angle);
+    EXPECT_EQ(ice.shear_constant_pa, row.alpha);
+    EXPECT_EQ(ice.shear_slope, row.theta);
+    EXPECT_EQ(ice.cap_aspect_ratio, row.r);
+    EXPECT_EQ(ice.cap_initial_intercept_pa, row.x0);
+    EXPECT_EQ(ice.cap_max_compaction, 0.093);
+    EXPECT_DOUBLE_EQ(ice.cap_hardening_linear_per_pa, row.d1);
+    EXPECT_DOUBLE_EQ(ice.cap_hardening_quadratic_per_pa2, 0.030e-12);
+  }
+}
+
+// ---- ranges, for each numeric key that there is
+
+TEST(EachNumericKey, RefusesWhatIsOutOfRangeOrNoNumber) {
+  const KeyLister keys{Scenario{}};
+  ASSERT_GT(keys.numbers.size(), 50u);
+  for (const KeyLister::Number& number : keys.numbers) {
+    SCOPED_TRACE(number.key);
+    const double width = number.range.max - number.range.min;
+    const double below = number.whole ? number.range.min - 1.0 : number.range.min - 1.0e-3 * width;
+    const double above = number.whole ? number.range.max + 2.0 : number.range.max + 1.0e-3 * width;
+    std::vector<std::pair<std::string, std::string>> bad = {
+        {exactText(below), "must lie in"},    {exactText(above), "must lie in"},   {".nan", "must be a finite number"},
+        {"nan", "must be a finite number"},   {".inf", "must be a finite number"}, {"-inf", "must be a finite number"},
+        {"1e999", "must be a finite number"}, {"much", "must be a number"},        {"1.0abc", "must be a number"},
+        {"1,5", "must be a number"},          {"0x10", "must be a number"},        {"\"\"", "must be a number"}};
+    if (number.range.min_open) bad.emplace_back(exactText(number.range.min), "must lie in");
+    if (number.range.max_open) bad.emplace_back(exactText(number.range.max), "must lie in");
+    if (number.whole) bad.emplace_back("1.5", "must be a whole number");
+
+    const auto dot = number.key.find('.');
+    for (const auto& [text, rule] : bad) {
+      const std::string line = "  " + number.key.substr(dot + 1) + ": " + text + "\n";
+      const std::string message = refusalOfText(number.key.substr(0, dot) + ":\n" + line);
+      EXPECT_EQ(message.rfind("2: " + number.key + " = " + text + ", " + rule, 0), 0u) << message;
+    }
+  }
+}
+
+TEST(EachNumericKey, TakesItsBoundsUnlessTheyAreOpen) {
+  // A value inside the range may still break a rule that ties keys together; that is told by another text.
+  for (const KeyLister::Number& number : KeyLister{Scenario{}}.numbers) {
+    SCOPED_TRACE(number.key);
+    std::vector<double> bounds;
+    if (!number.range.min_open) bounds.push_back(number.range.min);
+    if (!number.range.max_open) bounds.push_back(number.range.max);
+    for (const double bound : bounds) {
+      std::string message;
+      try {
+        loadScenario({pullUp(),
+                      {},
+                      {number.key + "=" + (number.whole ? std::to_string(std::llround(bound)) : exactText(bound))}});
+      } catch (const ConfigError& error) {
+        message = error.what();
+      }
+      EXPECT_EQ(message.find("must lie in"), std::string::npos) << message;
+    }
+  }
+}
+
+TEST(EachKey, RefusesListMapAndNothing) {
+  for (const auto& [key, value] : KeyLister{Scenario{}}.values) {
+    SCOPED_TRACE(key);
+    const auto dot = key.find('.');
+    const std::string head = dot == std::string::npos ? key : key.substr(0, dot) + ":\n  " + key.substr(dot + 1);
+    const std::string line = dot == std::string::npos ? "1: " : "2: ";
+    EXPECT_EQ(refusalOfText(head + ": [1, 2]\n").rfind(line + key + " = [...], must be ", 0), 0u);
+    EXPECT_EQ(refusalOfText(head + ": {}\n").rfind(line + key + " = {...}, must be ", 0), 0u);
+    EXPECT_EQ(refusalOfText(head + ":\n").rfind(line + key + " has no value, must be ", 0), 0u);
+    EXPECT_EQ(refusalOfText(head + ": ~\n").rfind(line + key + " has no value, must be ", 0), 0u);
+  }
+}
+
+TEST(EachKey, WithWordsOrSwitchRefusesOtherWords) {
+  const KeyLister keys{Scenario{}};
+  ASSERT_FALSE(keys.words.empty());
+  ASSERT_FALSE(keys.switches.empty());
+  for (const std::string& key : keys.words) {
+    EXPECT_EQ(refusalOfSetting(key + "=None").rfind("--set: " + key + " = None, must be ", 0), 0u) << key;
+  }
+  for (const std::string& key : keys.switches) {
+    EXPECT_EQ(refusalOfSetting(key + "=1"), "--set: " + key + " = 1, must be true or false");
+  }
+}
+
+// ---- messages
+
+TEST(ScenarioReader, NamesFileLineKeyValueAndRule) {
+  EXPECT_EQ(refusalOfText("# comment\nice:\n  void_fraction: 1.2\n"), "3: ice.void_fraction = 1.2, must lie in (0, 1)");
+  EXPECT_EQ(refusalOfText("solver: {threads: 1.5}"), "1: solver.threads = 1.5, must be a whole number");
+  EXPECT_EQ(refusalOfText("collector:\n  fault: stuck\n"), "2: collector.fault = stuck, must be none, jam or no_lock");
+}
+
+TEST(ScenarioReader, CarriesThePartsOfTheError) {
+  try {
+    loadScenario({pullUp(), {}, {"ice.void_fraction=1.2"}});
+    FAIL() << "accepted";
+  } catch (const ConfigError& error) {
+    EXPECT_EQ(error.key(), "ice.void_fraction");
+    EXPECT_EQ(error.value(), "1.2");
+    EXPECT_EQ(error.rule(), "must lie in (0, 1)");
+    EXPECT_EQ(error.where(), "--set");
+  }
+}
+
+TEST(ScenarioReader, UnknownKeyNamesTheNearestKnownOne) {
+  EXPECT_EQ(refusalOfText("field:\n  spaceing_m: 0.3\n"),
+            "2: unknown key field.spaceing_m; did you mean field.spacing_m?");
+  EXPECT_EQ(refusalOfText("feild:\n  spacing_m: 0.3\n"),
+            "2: unknown key feild.spacing_m; did you mean field.spacing_m?");
+  EXPECT_EQ(refusalOfText("spacing_m: 0.3\n"), "1: unknown key spacing_m; did you mean field.spacing_m?");
+  EXPECT_EQ(refusalOfText("spaceing_m: 0.3\n"), "1: unknown key spaceing_m; did you mean field.spacing_m?");
+  EXPECT_EQ(refusalOfText("ice: {radius_m: 1}\n"), "1: unknown key ice.radius_m; did you mean collector.radius_m?");
+  EXPECT_EQ(refusalOfText("ice: {cohesion: 200}\n"), "1: unknown key ice.cohesion; did you mean ice.cohesion_pa?");
+  EXPECT_EQ(refusalOfText("colector:\n"), "1: unknown key colector; did you mean collector?");
+  EXPECT_EQ(refusalOfText("ice: {void_fraction: {mean: 0.6}}\n"),
+            "1: unknown key ice.void_fraction.mean; did you mean ice.void_fraction?");
+  EXPECT_EQ(refusalOfSetting("ice.void_frction=0.5"),
+            "--set: unknown key ice.void_frction; did you mean ice.void_fraction?");
+}
+
+TEST(ScenarioReader, KeyGivenTwiceIsRefused) {
+  EXPECT_EQ(refusalOfText("field:\n  seed: 1\n  seed: 1\n"), "3: field.seed is given twice, first in line 2");
+  EXPECT_EQ(refusalOfText("field: {seed: 1}\nice: {}\nfield: {spacing_m: 0.3}\n"),
+            "3: field is given twice, first in line 1");
+}
+
+TEST(ScenarioReader, SectionMustBeAMapAndMayBeEmpty) {
+  EXPECT_EQ(refusalOfText("field: 3\n"), "1: field = 3, must be a section with keys of its own");
+  EXPECT_EQ(refusalOfText("field: [3]\n"), "1: field = [...], must be a section with keys of its own");
+  EXPECT_EQ(refusalOfSetting("field=3"), "--set: field = 3, must be a section with keys of its own");
+  EXPECT_NO_THROW(fromText("field:\nice: {}\n"));
+}
+
+TEST(ScenarioReader, UnreadableFileIsRefused) {
+  EXPECT_EQ(refusal({"no/such/file.yaml", {}, {}}),
+            "no/such/file.yaml: file cannot be read: No such file or directory");
+  EXPECT_EQ(refusal({pullUp(), {"no/such/overlay.yaml"}, {}}),
+            "no/such/overlay.yaml: file cannot be read: No such file or directory");
+  EXPECT_EQ(refusal({::testing::TempDir(), {}, {}}), ::testing::TempDir() + ": is a directory, not a file");
+}
+
+TEST(ScenarioReader, EmptyFileIsRefused) {
+  for (const char* content : {"", "\n\n", "# only a comment\n", "---\n", "~\n"}) {
+    EXPECT_EQ(refusalOfText(content), " file is empty") << content;
+    EXPECT_NE(refusal({pullUp(), {writeFile("overlay.yaml", content)}, {}}).find("file is empty"), std::string::npos);
+  }
+}
+
+TEST(ScenarioReader, SyntaxErrorNamesItsLine) {
+  EXPECT_EQ(refusalOfText("field:\n  seed: 1\n  spacing_m: [0.3\nice: {}\n").rfind("4: not valid YAML: ", 0), 0u);
+  EXPECT_EQ(refusalOfText("field:\n\tseed: 1\n").rfind("2: not valid YAML: ", 0), 0u);
+  EXPECT_EQ(refusalOfText("field: *nowhere\n").rfind("1: not valid YAML: ", 0), 0u);
+}
+
+TEST(ScenarioReader, FileMustBeOneMap) {
+  const std::string rule = "must be a map of sections, such as `field:` with indented `spacing_m: 0.3`";
+  EXPECT_EQ(refusalOfText("- 1\n- 2\n"), "1: " + rule);
+  EXPECT_EQ(refusalOfText("just words\n"), "1: " + rule);
+  EXPECT_EQ(refusalOfText("title: one\n---\ntitle: two\n"), "3: must hold a single YAML document");
+  EXPECT_EQ(refusalOfText("? [a, b]\n: 1\n"), "1: each key must be a single word");
+}
+
+TEST(ScenarioReader, AliasThatHoldsItselfIsRefused) {
+  EXPECT_NE(refusalOfText("field: &f\n  seed: 1\n  more: *f\n").find("unknown key field.more"), std::string::npos);
+}
+
+TEST(ScenarioReader, MalformedSettingIsRefused) {
+  EXPECT_EQ(refusalOfSetting("ice.void_fraction"), "--set: `ice.void_fraction` must read section.key=value");
+  EXPECT_EQ(refusalOfSetting("=0.5"), "--set: `=0.5` must read section.key=value");
+  EXPECT_EQ(refusalOfSetting(""), "--set: `` must read section.key=value");
+  EXPECT_EQ(refusalOfSetting("ice.void_fraction="), "--set: ice.void_fraction = \"\", must be a number");
+}
+
+// ---- composition
+
+TEST(ScenarioReader, LaterSourcesWin) {
+  const std::string file =
+      writeFile("file.yaml", "ice: {void_fraction: 0.5}\nfield: {seed: 2}\nwater: {density_kgpm3: 1010}\n");
+  const std::string overlay = writeFile("overlay.yaml", "ice: {void_fraction: 0.4}\nfield: {seed: 3}\n");
+  const Scenario scenario = loadScenario({file, {overlay}, {"field.seed=4", "field.seed=5", "title=a = b: c"}});
+  EXPECT_EQ(scenario.water.density_kgpm3, 1010.0);
+  EXPECT_EQ(scenario.ice.void_fraction, 0.4);
+  EXPECT_EQ(scenario.field.seed, 5u);
+  EXPECT_EQ(scenario.title, "a = b: c");
+  EXPECT_EQ(scenario.collector.radius_m, CollectorConfig().radius_m);
+}
+
+TEST(ScenarioReader, OverlaysThatContradictEachOtherAreRefused) {
+  const std::string first = writeFile("first.yaml", "ice:\n  void_fraction: 0.5\n");
+  const std::string second = writeFile("second.yaml", "ice:\n  poisson_ratio: 0.2\n  void_fraction: 0.55\n");
+  EXPECT_EQ(refusal({pullUp(), {first, second}, {}}),
+            second + ":3: ice.void_fraction = 0.55, contradicts the overlay " + first + ":2, which gives 0.5");
+}
+
+TEST(ScenarioReader, OverlaysThatAgreeAreTaken) {
+  const std::string first = writeFile("first.yaml", "ice: {void_fraction: 0.5}\n");
+  const std::string second = writeFile("second.yaml", "ice: {void_fraction: 5.0e-1, poisson_ratio: 0.2}\n");
+  const Scenario scenario = loadScenario({pullUp(), {first, second}, {}});
+  EXPECT_EQ(scenario.ice.void_fraction, 0.5);
+  EXPECT_EQ(scenario.ice.poisson_ratio, 0.2);
+}
+
+TEST(ScenarioReader, OverrideWithoutEffectIsRefused) {
+  const std::string fixed = writeFile("fixed.yaml", "ice:\n  shear_constant_pa: 200.0\n");
+  const std::string sloped = writeFile("sloped.yaml", "ice:\n  shear_slope: 0.4\n");
+  EXPECT_EQ(refusal({fixed, {}, {"ice.cohesion_pa=1000"}}),
+            "--set: ice.cohesion_pa = 1000, has no effect on ice.shear_constant_pa, which " + fixed +
+                ":2 fixes; set that key too, or leave it out there so that eq. 10 gives it");
+  EXPECT_NE(refusal({fixed, {}, {"ice.friction_angle_deg=45"}}).find("no effect on ice.shear_constant_pa"),
+            std::string::npos);
+  EXPECT_NE(refusal({sloped, {}, {"ice.friction_angle_deg=45"}}).find("no effect on ice.shear_slope"),
+            std::string::npos);
+  EXPECT_NO_THROW(loadScenario({sloped, {}, {"ice.cohesion_pa=1000"}}));
+  EXPECT_NO_THROW(loadScenario({pullUp(), {}, {"ice.cohesion_pa=1000"}}));
+  EXPECT_NO_THROW(loadScenario({fixed, {}, {"ice.cohesion_pa=1000", "ice.shear_constant_pa=900"}}));
+  EXPECT_NO_THROW(loadScenario({fixed, {}, {"ice.shear_constant_pa=900", "ice.cohesion_pa=1000"}}));
+}
+
+TEST(ScenarioReader, RuleBetweenKeysNamesTheLineOfItsKey) {
+  EXPECT_EQ(refusalOfText("collector:\n  radius_m: 9.0\n").rfind("2: collector.radius_m = 9, must be at most 6.9", 0),
+            0u);
+  // The key at fault is a default here; the file is all that can be named.
+  EXPECT_EQ(refusalOfText("field: {length_x_m: 3.0}\n").rfind(" collector.radius_m = 1.3, must be at most 0.9", 0), 0u);
+}
+
+TEST(ScenarioReader, ReadsTheSameInAnyLocale) {
+  class CommaDecimals : public std::numpunct<char> {
+    char do_decimal_point() const override { return ','; }
+    char do_thousands_sep() const override { return '.'; }
+    std::string do_grouping() const override { return "\3"; }
+  };
+  const std::locale before = std::locale::global(std::locale(std::locale::classic(), new CommaDecimals));
+  const Scenario scenario = loadScenario({pullUp(), {}, {"ice.void_fraction=0.45"}});
+  const std::string yaml = toYaml(scenario);
+  std::locale::global(before);
+  EXPECT_EQ(scenario.ice.void_fraction, 0.45);
+  EXPECT_NE(yaml.find("  void_fraction: 0.45  #"), std::string::npos);
+  EXPECT_NE(yaml.find("  min_stiffness_npm: 50000  #"), std::string::npos);
+}
+
+// ---- writing
+
+TEST(EffectiveScenario, ReadsBackToTheSameBits) {
+  Scenario scenario;
+  scenario.title = "quotes \" ' and : # \\ { [ \n\t\xC3\xA5";
+  scenario.field.spacing_m = 0.1 + 0.2;
+  scenario.field.seed = 9007199254740991u;
+  scenario.field.jitter_ratio = 1.0e-300;
+  scenario.ice.void_fraction = 1.0 / 3.0;
+  scenario.ice.shear_constant_pa = 123.456789012345678;
+  scenario.ice.flow_rule = FlowRule::kNonAssociated;
+  scenario.ice.three_invariant = true;
+  scenario.collector.fault = FoldFault::kNoLock;
+  scenario.contact.min_stiffness_npm = 1.0e12;
+  scenario.load_cell.bias_n = -1.0 / 7.0;
+  scenario.procedure.control = ControlMode::kManual;
+  scenario.solver.threads = 7;
+  for (const Scenario& original : {Scenario{}, scenario}) {
+    const Scenario copy = fromText(toYaml(original));
+    EXPECT_EQ(KeyLister{copy}.values, KeyLister{original}.values);
+    EXPECT_EQ(copy.field.seed, original.field.seed);
+  }
+}
+
+TEST(EffectiveScenario, ExplainsEachKey) {
+  const std::string yaml = toYaml(Scenario{});
+  EXPECT_NE(yaml.find("  void_fraction: 0.6  # share of the volume that is not ice, V_f; (0, 1)\n"), std::string::npos);
+  EXPECT_NE(yaml.find("  # shear_slope is not set: theta of the shear surface;"), std::string::npos);
+  EXPECT_NE(yaml.find("  fault: none  # trouble of the folding mechanism; none, jam or no_lock\n"), std::string::npos);
+  std::istringstream lines(yaml);
+  std::size_t explained = 0;
+  for (std::string line; std::getline(lines, line);) {
+    if (line.find(": ") != std::string::npos && line.find("# ") != std::string::npos && line[0] != '#') ++explained;
+  }
+  EXPECT_EQ(explained, KeyLister{Scenario{}}.values.size());
+}
+
+TEST(EffectiveScenario, NumbersAreNumbersForYaml11ReadersToo) {
+  // YAML 1.1, as Python's reader has it, wants a point and a signed exponent: 1e6 would be text.
+  const std::regex number("[-+]?([0-9]+|[0-9]+\\.[0-9]*([eE][-+][0-9]+)?)");
+  Scenario scenario;
+  scenario.contact.min_stiffness_npm = 1.0e12;
+  scenario.ice.cap_hardening_linear_per_pa = 1.0e-4;
+  const YAML::Node yaml = YAML::Load(toYaml(scenario));
+  for (const KeyLister::Number& key : KeyLister{scenario}.numbers) {
+    const auto dot = key.key.find('.');
+    const YAML::Node value = yaml[key.key.substr(0, dot)][key.key.substr(dot + 1)];
+    if (!value.IsDefined()) continue;  // optional and not set
+    EXPECT_TRUE(std::regex_match(value.Scalar(), number)) << key.key << ": " << value.Scalar();
+  }
+}
+
+}  // namespace
+}  // namespace brash_ice_rig

@@ -66,7 +66,7 @@ std::vector<Value> arrayNamed(const std::string& xml, const std::string& name, i
   std::memcpy(&size, bytes.data(), sizeof size);
   if (bytes.size() != sizeof size + size) throw std::runtime_error("length of " + name + " does not agree");
   std::vector<Value> values(size / sizeof(Value));
-  std::memcpy(values.data(), bytes.data() + sizeof size, size);
+  if (size > 0) std::memcpy(values.data(), bytes.data() + sizeof size, size);
   return values;
 }
 

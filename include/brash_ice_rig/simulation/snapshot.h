@@ -17,8 +17,8 @@ const char* stageName(Stage stage);
 
 /// Vertical forces in N. Those on the load cell add up to its tension (positive: the rig pulls down on the crane):
 /// tension = weight - buoyancy + ice_normal + ice_friction + inertia.
-/// Those on the plug follow Fig. 4 of the paper: plug_friction is what the plug's own weight, buoyancy, drag and inertia
-/// leave of the ice force, i.e. what the surrounding ice adds by friction and cohesion.
+/// Those on the plug follow Fig. 4 of the paper: plug_friction is what the plug's own weight, buoyancy and drag leave of
+/// the ice force, i.e. what the surrounding ice adds by friction and cohesion (and, while the plug accelerates, inertia).
 struct ForceComponents {
   double weight_n = 0.0;          ///< collector and pole, > 0
   double buoyancy_n = 0.0;        ///< of collector and pole, > 0

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <random>
+
+#include <Eigen/Core>
+
+#include "brash_ice_rig/config/scenario.h"
+
+namespace brash_ice_rig {
+
+/// Sensor between crane and pole: first-order lag, bias, white noise, resolution, tare, in this order.
+class LoadCell {
+ public:
+  explicit LoadCell(const LoadCellConfig& config);
+
+  /// Follows the true force (x, y lateral, z tension; N) with the sensor's lag. Call every step.
+  void step(double time_step_s, const Eigen::Vector3d& force_n);
+
+  /// Draws the next reading. Call once per sample period.
+  void sample();
+
+  /// Subtracts the present force, as the sensor sees it without noise, from the next sample on.
+  void tare();
+
+  /// The last sample, N.
+  const Eigen::Vector3d& reading() const { return reading_; }
+  /// What tare() subtracts, N.
+  const Eigen::Vector3d& tareOffset() const { return tare_; }
+
+ private:
+  LoadCellConfig config_;
+  std::mt19937_64 generator_;
+  std::normal_distribution<double> noise_;
+  bool started_ = false;
+  Eigen::Vector3d lagged_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d reading_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d tare_ = Eigen::Vector3d::Zero();
+};
+
+}  // namespace brash_ice_rig

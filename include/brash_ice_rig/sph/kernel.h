@@ -1,0 +1,34 @@
+#pragma once
+
+namespace brash_ice_rig {
+
+/// Cubic B-spline in three dimensions (Monaghan 1992). Support 2 h.
+struct CubicSpline {
+  double smoothing_length_m;
+
+  double support() const { return 2.0 * smoothing_length_m; }
+
+  /// W, 1/m³.
+  double value(double distance_m) const {
+    const double q = distance_m / smoothing_length_m;
+    if (q >= 2.0) return 0.0;
+    const double tail = 2.0 - q;
+    return scale() * (q < 1.0 ? 1.0 - 1.5 * q * q + 0.75 * q * q * q : 0.25 * tail * tail * tail);
+  }
+
+  /// dW/dr, 1/m⁴, <= 0.
+  double derivative(double distance_m) const {
+    const double q = distance_m / smoothing_length_m;
+    if (q >= 2.0) return 0.0;
+    const double tail = 2.0 - q;
+    return scale() / smoothing_length_m * (q < 1.0 ? -3.0 * q + 2.25 * q * q : -0.75 * tail * tail);
+  }
+
+ private:
+  double scale() const {
+    constexpr double kPi = 3.14159265358979323846;
+    return 1.0 / (kPi * smoothing_length_m * smoothing_length_m * smoothing_length_m);
+  }
+};
+
+}  // namespace brash_ice_rig

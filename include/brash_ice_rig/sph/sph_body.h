@@ -1,0 +1,164 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+#include <Eigen/StdVector>
+
+#include "brash_ice_rig/material/material.h"
+#include "brash_ice_rig/sph/neighbour_search.h"
+
+namespace brash_ice_rig {
+
+template <class T>
+using AlignedVector = std::vector<T, Eigen::aligned_allocator<T>>;
+
+/// How the continuum is cut into particles. SI.
+struct SphSettings {
+  double particle_volume_m3 = 0.0;    ///< at rest, V_0
+  double density_kgpm3 = 0.0;         ///< bulk density at rest, rho
+  double smoothing_length_m = 0.0;    ///< h, the same for all particles
+  double viscosity_ratio = 0.1;       ///< alpha of the Monaghan viscosity
+  double viscosity_speed_mps = 58.0;  ///< c in the viscosity; fixed, see doc/theory.md
+  double volume_ratio_limit = 1.5;    ///< V / V_0 stays within 1/this .. this
+  double determinant_limit = 0.1;     ///< below: no gradient correction
+  double skin_m = 0.045;              ///< margin of the neighbour search
+  double refresh_distance_m = 0.003;  ///< gradients are recomputed once a particle may have moved this far
+};
+
+/// A body of renormalised total-stress SPH particles (doc/theory.md, section SPH):
+///   M_i = sum_j V_j (x_j - x_i) (x) grad W_ij,  B_i = M_i^-1
+///   L_i = [sum_j V_j (v_j - v_i) (x) grad W_ij] B_i
+///   f_i = V_i sum_j V_j (sigma_i B_i + sigma_j B_j) grad_i W_ij + viscosity
+/// Pair forces are antisymmetric, so that linear momentum is conserved, and the force is the virtual-work adjoint of L,
+/// so that angular momentum and energy are.
+///
+/// Gradients, B and the volumes in them are cached and refreshed by distance travelled, not by step count.
+/// Each particle gathers from its neighbours in a fixed order: results do not depend on the number of threads.
+///
+/// Functions marked "team" are called by every thread of an OpenMP team together; from a single thread they work too.
+class SphBody {
+ public:
+  /// @param material  must outlive the body
+  /// @param fixed     particles that never move; stress is followed in them all the same
+  SphBody(const SphSettings& settings, const Material& material, const std::vector<Eigen::Vector3d>& position_m,
+          const std::vector<bool>& fixed);
+
+  std::size_t size() const { return position_.size(); }
+  double particleMass() const { return settings_.density_kgpm3 * settings_.particle_volume_m3; }
+
+  /// Team. Refreshes cached gradients if particles have moved far enough since the last time.
+  void updateGradients();
+
+  /// Team. Velocity gradient, rotation of stress, volumes, material.
+  void updateStress(double time_step_s);
+
+  /// Team. Internal forces plus `external(i)` (N, as Vector4f with w = 0), then v and x by symplectic Euler.
+  /// A particle whose new velocity would not be finite keeps its state, and finite() turns false.
+  /// @param damping_per_s  mass damping, 1/s
+  template <class ExternalForce>
+  void updateMotion(double time_step_s, double damping_per_s, const ExternalForce& external) {
+    const auto dt = static_cast<float>(time_step_s);
+    const float decay = 1.0f - static_cast<float>(damping_per_s * time_step_s);
+    const float dt_over_mass = static_cast<float>(time_step_s / particleMass());
+    float fastest_squared = 0.0f;
+    bool finite = true;
+#pragma omp for schedule(static) nowait
+    for (std::size_t i = 0; i < size(); ++i) {
+      if (fixed_[i]) continue;
+      const Eigen::Vector4f velocity =
+          velocity_[i] * decay + dt_over_mass * (internalForce(i) + external(i));
+      const float speed_squared = velocity.head<3>().squaredNorm();
+      if (!std::isfinite(speed_squared)) {
+        finite = false;
+        continue;
+      }
+      fastest_squared = std::max(fastest_squared, speed_squared);
+      velocity_[i].head<3>() = velocity.head<3>();
+      position_[i] += (dt * velocity.head<3>()).template cast<double>();
+    }
+#pragma omp critical(brash_ice_rig_sph_motion)
+    {
+      fastest_squared_ = std::max(fastest_squared_, fastest_squared);
+      finite_ = finite_ && finite;
+    }
+#pragma omp barrier
+#pragma omp single
+    {
+      travelled_ += time_step_s * std::sqrt(static_cast<double>(fastest_squared_));
+      fastest_squared_ = 0.0f;
+    }
+  }
+
+  /// False after updateMotion() met a state that is not finite.
+  bool finite() const { return finite_; }
+
+  /// N, from stress and viscosity, of the last updateStress(); w = 0.
+  Eigen::Vector4f internalForce(std::size_t i) const;
+
+  const std::vector<Eigen::Vector3d>& position() const { return position_; }
+  const AlignedVector<Eigen::Vector4f>& velocity() const { return velocity_; }
+  /// In the order of material.h, Pa, tension positive.
+  const std::array<std::vector<float>, kComponents>& stress() const { return stress_; }
+  /// One array per entry of the material's stateNames().
+  const std::vector<std::vector<float>>& state() const { return state_; }
+  const std::vector<float>& volume() const { return volume_; }
+  bool isFixed(std::size_t i) const { return fixed_[i] != 0; }
+
+  /// Velocity gradient dv_a/dx_b of particle i, 1/s, from the cached gradients and the present velocities.
+  Eigen::Matrix3f velocityGradient(std::size_t i) const;
+
+  /// Sets the velocity of a particle, m/s. For initial conditions.
+  void setVelocity(std::size_t i, const Eigen::Vector3d& velocity_mps);
+  /// Sets the stress of a particle, Pa. For initial conditions.
+  void setStress(std::size_t i, const std::array<float, kComponents>& stress_pa);
+
+ private:
+  using Matrix43f = Eigen::Matrix<float, 4, 3>;
+
+  struct Gathered {
+    Matrix43f gradient;         ///< sum_j V_j (v_j - v_i) (x) grad W_ij
+    Eigen::Vector4f viscosity;  ///< viscous force over V_i
+  };
+  Gathered gather(std::size_t i) const;
+  void refreshRow(std::size_t i);
+  void updateRange(std::size_t begin, std::size_t end, float time_step_s);
+
+  SphSettings settings_;
+  const Material& material_;
+
+  std::vector<Eigen::Vector3d> position_;
+  AlignedVector<Eigen::Vector4f> velocity_;  ///< w = 0
+  std::array<std::vector<float>, kComponents> stress_;
+  std::vector<std::vector<float>> state_;
+  std::vector<float> volume_;
+  std::vector<char> fixed_;
+
+  std::array<std::vector<float>, kComponents> strain_increment_;
+  AlignedVector<Matrix43f> corrected_stress_;  ///< sigma_i B_i, row w = 0
+  AlignedVector<Eigen::Vector4f> viscosity_;   ///< viscous force over V_i, w = 0
+
+  // Cache, valid since the last refresh.
+  NeighbourList candidates_;  ///< within support + skin
+  /// grad W_ij times V_j in x, y, z; in w the factor Q that turns (dv . g) g into the viscous force. One per candidate,
+  /// the first row_count_[i] of a row are in use.
+  AlignedVector<Eigen::Vector4f> pair_;
+  std::vector<std::int32_t> neighbour_;
+  std::vector<std::int32_t> row_count_;
+  AlignedVector<Matrix43f> correction_;       ///< B_i, row w = 0
+  AlignedVector<Eigen::Vector4f> gradient_sum_;  ///< sum_j V_j grad W_ij
+  std::vector<float> cached_volume_;
+  double travelled_ = 0.0;                  ///< upper bound of any particle's way since the last refresh
+  double travelled_since_search_ = 0.0;
+  bool search_due_ = true, refresh_due_ = true;
+
+  float fastest_squared_ = 0.0f;
+  bool finite_ = true;
+};
+
+}  // namespace brash_ice_rig

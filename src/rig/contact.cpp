@@ -1,0 +1,116 @@
+#include "brash_ice_rig/rig/contact.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+namespace brash_ice_rig {
+
+double frictionCoefficient(const ContactConfig& config, double sliding_mps) {
+  return config.friction_dynamic + (config.friction_static - config.friction_dynamic) *
+                                       std::exp(-config.friction_decay_spm * sliding_mps);
+}
+
+RigContact::RigContact(const ContactConfig& config, const CollectorConfig& collector, double bulk_modulus_pa,
+                       double spacing_m, double particle_mass_kg, std::size_t particle_count)
+    : config_(config),
+      stiffness_(std::max(config.stiffness_ratio * bulk_modulus_pa * spacing_m, config.min_stiffness_npm)),
+      damping_(2.0 * config.damping_ratio * std::sqrt(stiffness_ * particle_mass_kg)),
+      offset_(0.5 * spacing_m),
+      pole_radius_(collector.pole_radius_m),
+      pole_length_(collector.pole_length_m),
+      force_(particle_count, Eigen::Vector4f::Zero()),
+      net_memory_(particle_count),
+      pole_memory_(particle_count) {}
+
+ContactSum RigContact::update(double time_step_s, const SphBody& ice, const Collector& collector,
+                              const Eigen::Vector3d& hub_position_m, const Eigen::Vector3d& hub_velocity_mps) {
+  assert(ice.size() == force_.size());
+  for (const std::size_t i : touched_) force_[i].setZero();
+  touched_.clear();
+
+  ContactSum sum;
+  const double arm_reach = collector.armLength() + 2.0 * offset_;
+  const double pole_reach = pole_radius_ + offset_;
+  for (std::size_t i = 0; i < ice.size(); ++i) {
+    const Eigen::Vector3d offset = ice.position()[i] - hub_position_m;
+    const double plan_squared = offset.head<2>().squaredNorm();
+    if (plan_squared > arm_reach * arm_reach || ice.isFixed(i)) continue;
+    const Eigen::Vector3d velocity = ice.velocity()[i].head<3>().cast<double>();
+
+    Memory& net = net_memory_[i];
+    if (std::abs(offset.z()) < arm_reach) {
+      const NetPoint point = collector.nearestNetPoint(offset);
+      const Eigen::Vector3d away = offset - point.offset_m;
+      Touch touch;
+      touch.surface_velocity_mps = hub_velocity_mps + point.velocity_mps;
+      const double height = point.normal.dot(away);
+      const std::int8_t side = net.side != 0 ? net.side : static_cast<std::int8_t>(height >= 0.0 ? 1 : -1);
+      const double distance = away.norm();
+      if (point.on_rim && distance > 0.0) {
+        touch.normal = away / distance;
+        touch.penetration_m = offset_ - distance;
+      } else {
+        // Beside or below the triangle the distance to its nearest point counts, over it the height on the
+        // remembered side, which is negative once the particle has been pressed through.
+        const bool over = distance - std::abs(height) < 1.0e-9 * offset_ + 1.0e-6 * distance;
+        touch.normal = over ? Eigen::Vector3d(side * point.normal) : Eigen::Vector3d(away / distance);
+        touch.penetration_m = offset_ - (over ? side * height : distance);
+      }
+      if (touch.penetration_m > 0.0) {
+        net.side = side;
+        const Forces on_ice = resolve(time_step_s, touch, velocity, net);
+        const Eigen::Vector3d total = on_ice.normal + on_ice.friction;
+        force_[i].head<3>() += total.cast<float>();
+        sum.normal_n -= on_ice.normal;
+        sum.friction_n -= on_ice.friction;
+        sum.opening_moment_nm += total.dot(point.arm_turn_m);
+        sum.deepest_m = std::max(sum.deepest_m, touch.penetration_m);
+        touched_.push_back(i);
+      } else {
+        net = Memory();
+      }
+    } else if (net.side != 0) {
+      net = Memory();
+    }
+
+    Memory& pole = pole_memory_[i];
+    if (plan_squared < pole_reach * pole_reach && offset.z() > 0.0 && offset.z() < pole_length_) {
+      const double distance = std::sqrt(plan_squared);
+      Touch touch;
+      touch.normal = distance > 0.0 ? Eigen::Vector3d(offset.x() / distance, offset.y() / distance, 0.0)
+                                    : Eigen::Vector3d::UnitX();
+      touch.penetration_m = pole_reach - distance;
+      touch.surface_velocity_mps = hub_velocity_mps;
+      pole.side = 1;
+      const Forces on_ice = resolve(time_step_s, touch, velocity, pole);
+      force_[i].head<3>() += (on_ice.normal + on_ice.friction).cast<float>();
+      sum.normal_n -= on_ice.normal;
+      sum.friction_n -= on_ice.friction;
+      sum.deepest_m = std::max(sum.deepest_m, touch.penetration_m);
+      touched_.push_back(i);
+    } else if (pole.side != 0) {
+      pole = Memory();
+    }
+  }
+  return sum;
+}
+
+RigContact::Forces RigContact::resolve(double time_step_s, const Touch& touch, const Eigen::Vector3d& velocity,
+                                       Memory& memory) const {
+  const Eigen::Vector3d relative = velocity - touch.surface_velocity_mps;
+  const double approach = touch.normal.dot(relative);
+  const double push = std::max(stiffness_ * touch.penetration_m - damping_ * approach, 0.0);
+
+  const Eigen::Vector3d sliding = relative - approach * touch.normal;
+  Eigen::Vector3d& spring = memory.spring_m;
+  spring -= touch.normal.dot(spring) * touch.normal;
+  spring += time_step_s * sliding;
+  const double tangential_stiffness = config_.tangential_stiffness_ratio * stiffness_;
+  const double grip = frictionCoefficient(config_, sliding.norm()) * push;
+  const double pull = tangential_stiffness * spring.norm();
+  if (pull > grip) spring *= grip / pull;
+  return {push * touch.normal, -tangential_stiffness * spring};
+}
+
+}  // namespace brash_ice_rig

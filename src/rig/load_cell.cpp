@@ -1,0 +1,30 @@
+#include "brash_ice_rig/rig/load_cell.h"
+
+#include <cmath>
+
+namespace brash_ice_rig {
+
+LoadCell::LoadCell(const LoadCellConfig& config) : config_(config), generator_(config.seed) {}
+
+void LoadCell::step(double time_step_s, const Eigen::Vector3d& force_n) {
+  if (!started_ || config_.lag_s == 0.0) {
+    lagged_ = force_n;
+    started_ = true;
+    return;
+  }
+  // Exact response over the step to a force that stays constant in it; stable for any lag.
+  lagged_ += (1.0 - std::exp(-time_step_s / config_.lag_s)) * (force_n - lagged_);
+}
+
+void LoadCell::sample() {
+  for (Eigen::Index axis = 0; axis < 3; ++axis) {
+    double value = lagged_[axis] + config_.bias_n;
+    if (config_.noise_n > 0.0) value += config_.noise_n * noise_(generator_);
+    if (config_.resolution_n > 0.0) value = config_.resolution_n * std::round(value / config_.resolution_n);
+    reading_[axis] = value - tare_[axis];
+  }
+}
+
+void LoadCell::tare() { tare_ = lagged_.array() + config_.bias_n; }
+
+}  // namespace brash_ice_rig

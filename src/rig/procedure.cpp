@@ -1,0 +1,74 @@
+#include "brash_ice_rig/rig/procedure.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace brash_ice_rig {
+namespace {
+
+/// The hub counts as lowered when it is this close to its goal.
+constexpr double kLoweredWithinM = 1.0e-3;
+
+}  // namespace
+
+const char* stageName(Stage stage) {
+  switch (stage) {
+    case Stage::kSettle: return "settle";
+    case Stage::kLower: return "lower";
+    case Stage::kUnfold: return "unfold";
+    case Stage::kLift: return "lift";
+    case Stage::kHold: return "hold";
+    case Stage::kDone: return "done";
+    case Stage::kManual: return "manual";
+  }
+  return "unknown";
+}
+
+Procedure::Procedure(const ProcedureConfig& config, double lowest_hub_m)
+    : config_(config),
+      lowest_hub_m_(lowest_hub_m),
+      fold_target_(config.start == StartPose::kUnfoldedUnderIce ? 1.0 : 0.0) {}
+
+void Procedure::enter(Stage stage, double time_s) {
+  stage_ = stage;
+  stage_start_s_ = time_s;
+}
+
+Procedure::Order Procedure::step(double time_s, double time_step_s, const Crane& crane, const Collector& collector,
+                                 double hub_height_m) {
+  const double half_step = 0.5 * time_step_s;  // times are multiples of the step, up to round-off
+  if (stage_ == Stage::kSettle && time_s > -half_step) {
+    if (config_.control == ControlMode::kManual) {
+      enter(Stage::kManual, time_s);
+    } else {
+      enter(config_.start == StartPose::kUnfoldedUnderIce ? Stage::kLift : Stage::kLower, time_s);
+    }
+  }
+  if (stage_ == Stage::kLower && hub_height_m - lowest_hub_m_ < kLoweredWithinM) enter(Stage::kUnfold, time_s);
+  if (stage_ == Stage::kUnfold) {
+    fold_target_ = 1.0;
+    if (collector.foldRatio() >= 1.0) {
+      enter(Stage::kLift, time_s);
+    } else if (collector.jammed()) {
+      enter(Stage::kDone, time_s);
+    }
+  }
+  if (stage_ == Stage::kLift && time_s - stage_start_s_ > config_.lift_duration_s - half_step) {
+    enter(Stage::kHold, time_s);
+  }
+  if (stage_ == Stage::kHold && time_s - stage_start_s_ > config_.hold_duration_s - half_step) {
+    enter(Stage::kDone, time_s);
+  }
+
+  Order order;
+  order.fold_target = fold_target_;
+  if (stage_ == Stage::kLower) {
+    order.hoist_speed_mps =
+        -std::min(config_.lower_speed_mps, crane.stoppingSpeed(hub_height_m - lowest_hub_m_, time_step_s));
+  } else if (stage_ == Stage::kLift) {
+    order.hoist_speed_mps = config_.lift_speed_mps;
+  }
+  return order;
+}
+
+}  // namespace brash_ice_rig

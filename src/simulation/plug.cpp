@@ -1,0 +1,61 @@
+#include "brash_ice_rig/simulation/plug.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace brash_ice_rig {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+
+/// Radius of a disc as large as the sections of `count` particles, m.
+double discRadius(std::size_t count, double spacing_m) {
+  return spacing_m * std::sqrt(static_cast<double>(count) / kPi);
+}
+
+}  // namespace
+
+PlugState computePlug(const std::vector<Eigen::Vector3d>& site_m, const std::vector<Eigen::Vector3d>& position_m,
+                      double spacing_m, double particle_mass_kg) {
+  PlugState plug;
+  std::vector<std::size_t> raised;
+  for (std::size_t i = 0; i < position_m.size(); ++i) {
+    if (isRaised(site_m[i], position_m[i], spacing_m)) raised.push_back(i);
+  }
+  plug.raised_particles = raised.size();
+  plug.hole_sites = raised.size();
+  plug.lifted_mass_kg = static_cast<double>(raised.size()) * particle_mass_kg;
+  if (raised.empty()) return plug;
+
+  double top = position_m[raised.front()].z();
+  Eigen::Vector3d low = site_m[raised.front()], high = low;
+  for (const std::size_t i : raised) {
+    top = std::max(top, position_m[i].z());
+    low = low.cwiseMin(site_m[i]);
+    high = high.cwiseMax(site_m[i]);
+  }
+  std::size_t at_waterline = 0, at_top = 0;
+  for (const std::size_t i : raised) {
+    if (std::abs(position_m[i].z()) <= 0.5 * spacing_m) ++at_waterline;
+    if (position_m[i].z() > top - spacing_m) ++at_top;
+  }
+  plug.radius_at_waterline_m = discRadius(at_waterline, spacing_m);
+  plug.radius_at_top_m = discRadius(at_top, spacing_m);
+
+  const double reach = 0.5 * spacing_m;
+  std::vector<Eigen::Vector3d> fillers;
+  for (std::size_t i = 0; i < position_m.size(); ++i) {
+    const Eigen::Vector3d& p = position_m[i];
+    const bool near_hole = ((p - low).array() > -reach).all() && ((high - p).array() > -reach).all();
+    if (near_hole && !isRaised(site_m[i], p, spacing_m)) fillers.push_back(p);
+  }
+  std::size_t refilled = 0;
+  for (const std::size_t i : raised) {
+    const auto fills = [&](const Eigen::Vector3d& p) { return (p - site_m[i]).squaredNorm() < reach * reach; };
+    if (std::any_of(fillers.begin(), fillers.end(), fills)) ++refilled;
+  }
+  plug.hole_refill_ratio = static_cast<double>(refilled) / static_cast<double>(plug.hole_sites);
+  return plug;
+}
+
+}  // namespace brash_ice_rig

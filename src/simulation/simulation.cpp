@@ -1,0 +1,407 @@
+#include "brash_ice_rig/simulation/simulation.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <cstring>
+#include <mutex>
+#include <optional>
+#include <vector>
+
+#include "brash_ice_rig/ice/ice_field.h"
+#include "brash_ice_rig/ice/ice_scaling.h"
+#include "brash_ice_rig/material/cap_model.h"
+#include "brash_ice_rig/rig/collector.h"
+#include "brash_ice_rig/rig/contact.h"
+#include "brash_ice_rig/rig/crane.h"
+#include "brash_ice_rig/rig/load_cell.h"
+#include "brash_ice_rig/rig/procedure.h"
+#include "brash_ice_rig/simulation/plug.h"
+#include "brash_ice_rig/sph/sph_body.h"
+#include "brash_ice_rig/water/water.h"
+
+namespace brash_ice_rig {
+namespace {
+
+/// Penetration at which contact is reported as saturated, over its offset.
+constexpr double kSaturatedPenetration = 0.5;
+
+SphSettings makeSphSettings(const Scenario& s, double density_kgpm3) {
+  const double dx = s.field.spacing_m;
+  SphSettings settings;
+  settings.particle_volume_m3 = dx * dx * dx;
+  settings.density_kgpm3 = density_kgpm3;
+  settings.smoothing_length_m = s.solver.smoothing_ratio * dx;
+  settings.viscosity_ratio = s.solver.viscosity_ratio;
+  settings.viscosity_speed_mps = s.solver.viscosity_speed_mps;
+  settings.volume_ratio_limit = s.solver.volume_ratio_limit;
+  settings.determinant_limit = s.solver.determinant_limit;
+  settings.skin_m = s.solver.neighbour_skin_ratio * dx;
+  settings.refresh_distance_m = s.solver.gradient_refresh_ratio * dx;
+  return settings;
+}
+
+/// The pole stands in the ice from the start: blocks in its way have been pushed aside to its surface.
+IceField makeFieldAroundRig(const Scenario& s) {
+  IceField field = makeIceField(s.field, iceDraft(s));
+  if (s.procedure.start == StartPose::kUnfoldedUnderIce) {
+    const double clearance = s.collector.pole_radius_m + 0.5 * s.field.spacing_m;
+    for (auto& p : field.position_m) {
+      const double distance = p.head<2>().norm();
+      if (distance >= clearance) continue;
+      const Eigen::Vector2d outward = distance > 0.0 ? Eigen::Vector2d(p.head<2>() / distance) : Eigen::Vector2d::UnitX();
+      p.head<2>() = clearance * outward;
+    }
+  }
+  return field;
+}
+
+const Scenario& validated(const Scenario& scenario) {
+  scenario.validate();
+  return scenario;
+}
+
+/// FNV-1a over 64-bit words.
+class Hash {
+ public:
+  template <class T>
+  void add(const T* data, std::size_t count) {
+    const auto* bytes = reinterpret_cast<const unsigned char*>(data);
+    for (std::size_t rest = count * sizeof(T); rest > 0;) {
+      std::uint64_t word = 0;
+      const std::size_t taken = std::min(rest, sizeof(word));
+      std::memcpy(&word, bytes, taken);
+      value_ = (value_ ^ word) * 1099511628211ull;
+      bytes += taken;
+      rest -= taken;
+    }
+  }
+  template <class T>
+  void add(const std::vector<T>& values) { add(values.data(), values.size()); }
+  std::uint64_t value() const { return value_; }
+
+ private:
+  std::uint64_t value_ = 14695981039346656037ull;
+};
+
+}  // namespace
+
+struct Simulation::Impl {
+  explicit Impl(const Scenario& s);
+
+  void beginStep();
+  void endStep();
+  void takeCommands();
+  void updateForces();
+  Eigen::Vector3d hubPosition() const;
+  double time() const { return (static_cast<double>(step_count) - static_cast<double>(settle_steps)) * time_step; }
+  double hubHeight() const { return hubPosition().z(); }
+
+  Scenario scenario;
+  double sample_period;
+  CapModel material;
+  double density;
+  double time_step;
+  std::uint64_t steps_per_sample, settle_steps;
+
+  std::vector<Eigen::Vector3d> site;  ///< original positions
+  SphBody ice;
+  ParticleInWater water;
+  Collector collector;
+  Crane crane;
+  RigContact contact;
+  LoadCell load_cell;
+  Procedure procedure;
+
+  std::uint64_t step_count = 0;
+  bool frozen = false;
+  StatusFlags flags;  ///< since the start of the present advance
+  ContactSum contact_sum;
+  double fold_target;
+
+  // Manual control.
+  Eigen::Vector3d velocity_command = Eigen::Vector3d::Zero();
+  std::uint64_t command_step = 0;
+
+  // Single-slot mailbox, filled by any thread.
+  std::mutex mailbox_mutex;
+  std::optional<Eigen::Vector3d> mailbox_velocity;
+  std::optional<double> mailbox_fold;
+  bool mailbox_tare = false;
+};
+
+Simulation::Impl::Impl(const Scenario& s)
+    : scenario(validated(s)),
+      sample_period(1.0 / s.load_cell.rate_hz),
+      material(makeCapParameters(s.ice, s.solver.stiffness_scale)),
+      density(bulkDensity(s.ice)),
+      time_step(0.0),
+      steps_per_sample(0),
+      settle_steps(0),
+      site(),
+      ice([&] {
+        IceField field = makeFieldAroundRig(s);
+        site = field.position_m;
+        return SphBody(makeSphSettings(s, density), material, field.position_m, field.fixed);
+      }()),
+      water(s.water, s.ice, s.field.spacing_m),
+      collector(s.collector, s.procedure.start == StartPose::kUnfoldedUnderIce),
+      crane(s.crane, {0.0, 0.0, startHubHeight(s) + s.collector.pole_length_m}),
+      contact(s.contact, s.collector, material.bulkModulus(), s.field.spacing_m, ice.particleMass(), ice.size()),
+      load_cell(s.load_cell),
+      procedure(s.procedure, lowestHubHeight(s)),
+      fold_target(collector.foldRatio()) {
+  // The step divides the sample period, so that each sample falls on a step.
+  const double wave_speed = pWaveSpeed(material.bulkModulus(), material.shearModulus(), density);
+  const double smoothing_length = s.solver.smoothing_ratio * s.field.spacing_m;
+  const double largest_step = s.solver.cfl_ratio * smoothing_length / wave_speed;
+  steps_per_sample = static_cast<std::uint64_t>(std::ceil(sample_period / largest_step));
+  time_step = sample_period / static_cast<double>(steps_per_sample);
+  // Settling takes whole samples, so that time 0 is one.
+  settle_steps = steps_per_sample * static_cast<std::uint64_t>(std::llround(s.procedure.settle_duration_s / sample_period));
+  updateForces();
+  load_cell.sample();
+}
+
+Eigen::Vector3d Simulation::Impl::hubPosition() const {
+  return crane.position() - Eigen::Vector3d(0.0, 0.0, scenario.collector.pole_length_m);
+}
+
+void Simulation::Impl::takeCommands() {
+  std::optional<Eigen::Vector3d> velocity;
+  std::optional<double> fold;
+  bool tare;
+  {
+    const std::lock_guard<std::mutex> lock(mailbox_mutex);
+    velocity.swap(mailbox_velocity);
+    fold.swap(mailbox_fold);
+    tare = mailbox_tare;
+    mailbox_tare = false;
+  }
+  if (tare) load_cell.tare();
+  const bool manual = scenario.procedure.control == ControlMode::kManual;
+  if (velocity) {
+    if (!velocity->allFinite()) {
+      flags.set(StatusFlag::kCommandRejected);
+      velocity_command.setZero();
+    } else if (!manual) {
+      flags.set(StatusFlag::kCommandIgnored);
+    } else {
+      velocity_command = *velocity;
+      command_step = step_count;
+    }
+  }
+  if (fold) {
+    if (!(*fold >= 0.0 && *fold <= 1.0)) {
+      flags.set(StatusFlag::kCommandRejected);
+    } else if (!manual) {
+      flags.set(StatusFlag::kCommandIgnored);
+    } else {
+      fold_target = *fold;
+    }
+  }
+}
+
+void Simulation::Impl::updateForces() {
+  contact_sum = contact.update(time_step, ice, collector, hubPosition(), crane.velocity());
+  if (contact_sum.deepest_m > kSaturatedPenetration * contact.offset()) flags.set(StatusFlag::kContactSaturated);
+  Eigen::Vector3d pull = -contact_sum.total();  // z up on the rig is less tension
+  pull.x() = contact_sum.total().x();
+  pull.y() = contact_sum.total().y();
+  pull.z() += collector.weight() - collector.buoyancy(hubHeight(), scenario.water.density_kgpm3) +
+              collector.mass() * crane.acceleration().z();
+  load_cell.step(time_step, pull);
+}
+
+void Simulation::Impl::beginStep() {
+  takeCommands();
+  updateForces();
+  if (!contact_sum.total().allFinite()) frozen = true;
+}
+
+void Simulation::Impl::endStep() {
+  if (!ice.finite()) {
+    frozen = true;
+    return;
+  }
+  Eigen::Vector3d wanted = Eigen::Vector3d::Zero();
+  const Procedure::Order order = procedure.step(time(), time_step, crane, collector, hubHeight());
+  if (procedure.stage() == Stage::kManual) {
+    const double age = static_cast<double>(step_count - command_step) * time_step;
+    if (age <= scenario.crane.command_timeout_s) {
+      wanted = velocity_command;
+    } else if (!velocity_command.isZero()) {
+      flags.set(StatusFlag::kCommandTimeout);
+    }
+  } else {
+    wanted.z() = order.hoist_speed_mps;
+    fold_target = order.fold_target;
+  }
+  crane.step(time_step, wanted, flags);
+  collector.step(time_step, fold_target, contact_sum.opening_moment_nm, flags);
+  ++step_count;
+  if (step_count % steps_per_sample == 0) load_cell.sample();
+}
+
+Simulation::Simulation(const Scenario& scenario) : impl_(std::make_unique<Impl>(scenario)) {}
+Simulation::~Simulation() = default;
+Simulation::Simulation(Simulation&&) noexcept = default;
+Simulation& Simulation::operator=(Simulation&&) noexcept = default;
+
+const Scenario& Simulation::scenario() const { return impl_->scenario; }
+double Simulation::timeStep() const { return impl_->time_step; }
+double Simulation::samplePeriod() const { return impl_->sample_period; }
+std::size_t Simulation::particleCount() const { return impl_->ice.size(); }
+std::uint64_t Simulation::stepCount() const { return impl_->step_count; }
+bool Simulation::frozen() const { return impl_->frozen; }
+bool Simulation::finished() const { return impl_->frozen || impl_->procedure.stage() == Stage::kDone; }
+
+void Simulation::setCraneVelocity(const Eigen::Vector3d& velocity_mps) {
+  const std::lock_guard<std::mutex> lock(impl_->mailbox_mutex);
+  impl_->mailbox_velocity = velocity_mps;
+}
+
+void Simulation::setFoldTarget(double ratio) {
+  const std::lock_guard<std::mutex> lock(impl_->mailbox_mutex);
+  impl_->mailbox_fold = ratio;
+}
+
+void Simulation::tare() {
+  const std::lock_guard<std::mutex> lock(impl_->mailbox_mutex);
+  impl_->mailbox_tare = true;
+}
+
+StepReport Simulation::advance(double duration_s) {
+  assert(duration_s > 0.0);
+  Impl& world = *impl_;
+  const std::uint64_t first = world.step_count;
+  const auto steps = std::max<std::int64_t>(std::llround(duration_s / world.time_step), 1);
+  world.flags = StatusFlags();
+
+  const auto external = [&world](std::size_t i) -> Eigen::Vector4f {
+    return world.water.force(static_cast<float>(world.ice.position()[i].z()), world.ice.velocity()[i]) +
+           world.contact.force(i);
+  };
+  // One team for all steps: opening one costs more than a barrier.
+#pragma omp parallel num_threads(world.scenario.solver.threads)
+  for (std::int64_t step = 0; step < steps; ++step) {
+#pragma omp single
+    {
+      if (!world.frozen) world.beginStep();
+    }
+    if (world.frozen) break;
+    const double damping =
+        world.step_count < world.settle_steps ? world.scenario.procedure.settle_damping_per_s : 0.0;
+    world.ice.updateGradients();
+    world.ice.updateStress(world.time_step);
+    world.ice.updateMotion(world.time_step, damping, external);
+#pragma omp single
+    world.endStep();
+  }
+  if (world.frozen) world.flags.set(StatusFlag::kNonFinite);
+
+  StepReport report;
+  report.steps = world.step_count - first;
+  report.flags = world.flags;
+  return report;
+}
+
+Snapshot Simulation::snapshot() const {
+  const Impl& world = *impl_;
+  Snapshot snapshot;
+  snapshot.time_s = world.time();
+  snapshot.stage = world.procedure.stage();
+  snapshot.load_cell_force_n = world.load_cell.reading();
+  snapshot.force_n = snapshot.load_cell_force_n.z();
+  snapshot.ice_force_n = world.contact_sum.total();
+  snapshot.flags = world.flags;
+
+  snapshot.rig.crane_position_m = world.crane.position();
+  snapshot.rig.crane_velocity_mps = world.crane.velocity();
+  snapshot.rig.commanded_velocity_mps = world.crane.commanded();
+  snapshot.rig.hoist_position_m = world.hubHeight();
+  snapshot.rig.fold_ratio = world.collector.foldRatio();
+  snapshot.rig.fold_target = world.fold_target;
+  snapshot.rig.arm_angle_rad = world.collector.armAngle();
+  snapshot.rig.locked = world.collector.locked();
+
+  ForceComponents& c = snapshot.components;
+  c.weight_n = world.collector.weight();
+  c.buoyancy_n = world.collector.buoyancy(world.hubHeight(), world.scenario.water.density_kgpm3);
+  c.ice_normal_n = -world.contact_sum.normal_n.z();
+  c.ice_friction_n = -world.contact_sum.friction_n.z();
+  c.inertia_n = world.collector.mass() * world.crane.acceleration().z();
+  snapshot.tension_n = c.weight_n - c.buoyancy_n + c.ice_normal_n + c.ice_friction_n + c.inertia_n;
+
+  double speed_squared_sum = 0.0;
+  for (std::size_t i = 0; i < world.ice.size(); ++i) {
+    const Eigen::Vector4f& velocity = world.ice.velocity()[i];
+    speed_squared_sum += static_cast<double>(velocity.squaredNorm());
+    const Eigen::Vector3d& position = world.ice.position()[i];
+    if (!isRaised(world.site[i], position, world.scenario.field.spacing_m)) continue;
+    const float submerged = world.water.submerged(static_cast<float>(position.z()));
+    c.plug_gravity_n += static_cast<double>(world.water.weight());
+    c.plug_buoyancy_n += static_cast<double>(world.water.buoyancy(submerged));
+    c.plug_drag_n -= static_cast<double>(world.water.drag(velocity, submerged).z());
+  }
+  c.plug_friction_n =
+      c.ice_normal_n + c.ice_friction_n - (c.plug_gravity_n - c.plug_buoyancy_n + c.plug_drag_n);
+  snapshot.kinetic_energy_j = 0.5 * world.ice.particleMass() * speed_squared_sum;
+  return snapshot;
+}
+
+ParticleCloud Simulation::particles() const {
+  const Impl& world = *impl_;
+  const std::size_t count = world.ice.size();
+  ParticleCloud cloud;
+  cloud.x_m.reserve(count);
+  cloud.y_m.reserve(count);
+  cloud.z_m.reserve(count);
+  cloud.speed_mps.reserve(count);
+  cloud.pressure_pa.reserve(count);
+  cloud.submerged.reserve(count);
+  const auto& stress = world.ice.stress();
+  for (std::size_t i = 0; i < count; ++i) {
+    const Eigen::Vector3f position = world.ice.position()[i].cast<float>();
+    cloud.x_m.push_back(position.x());
+    cloud.y_m.push_back(position.y());
+    cloud.z_m.push_back(position.z());
+    cloud.speed_mps.push_back(world.ice.velocity()[i].norm());
+    cloud.pressure_pa.push_back(-(stress[0][i] + stress[1][i] + stress[2][i]) / 3.0f);
+    cloud.submerged.push_back(world.water.submerged(position.z()));
+  }
+  const auto names = world.material.stateNames();
+  const auto state = [&](const char* name) {
+    const auto found = std::find(names.begin(), names.end(), name);
+    return found == names.end() ? std::vector<float>(count, 0.0f)
+                                : world.ice.state()[static_cast<std::size_t>(found - names.begin())];
+  };
+  cloud.plastic_strain = state("plastic_strain");
+  cloud.damage = state("damage");
+  return cloud;
+}
+
+PlugState Simulation::plug() const {
+  return computePlug(impl_->site, impl_->ice.position(), impl_->scenario.field.spacing_m, impl_->ice.particleMass());
+}
+
+std::uint64_t Simulation::stateHash() const {
+  const Impl& world = *impl_;
+  Hash hash;
+  hash.add(&world.step_count, 1);
+  hash.add(world.ice.position());
+  hash.add(world.ice.velocity().data(), world.ice.size());
+  for (const auto& component : world.ice.stress()) hash.add(component);
+  for (const auto& values : world.ice.state()) hash.add(values);
+  hash.add(world.ice.volume());
+  hash.add(world.crane.position().data(), 3);
+  hash.add(world.crane.velocity().data(), 3);
+  const double rig[] = {world.collector.foldRatio(), world.fold_target};
+  hash.add(rig, 2);
+  hash.add(world.contact_sum.normal_n.data(), 3);
+  hash.add(world.contact_sum.friction_n.data(), 3);
+  hash.add(world.load_cell.reading().data(), 3);
+  return hash.value();
+}
+
+}  // namespace brash_ice_rig

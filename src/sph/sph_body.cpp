@@ -1,0 +1,195 @@
+#include "brash_ice_rig/sph/sph_body.h"
+
+#include <cassert>
+
+#include <Eigen/LU>
+
+#include "brash_ice_rig/sph/kernel.h"
+
+namespace brash_ice_rig {
+namespace {
+
+// Particles per call of the material: long enough for its vector loops, short enough to stay in the first-level cache.
+constexpr std::size_t kTile = 64;
+
+/// A pair closer than this to the edge of the support has no measurable weight, and its viscosity factor overflows.
+constexpr double kSupportMargin = 1.0e-4;
+
+}  // namespace
+
+SphBody::SphBody(const SphSettings& settings, const Material& material,
+                 const std::vector<Eigen::Vector3d>& position_m, const std::vector<bool>& fixed)
+    : settings_(settings), material_(material), position_(position_m), fixed_(fixed.begin(), fixed.end()) {
+  assert(position_m.size() == fixed.size());
+  assert(settings.particle_volume_m3 > 0.0 && settings.density_kgpm3 > 0.0 && settings.smoothing_length_m > 0.0);
+  const std::size_t count = position_.size();
+  velocity_.assign(count, Eigen::Vector4f::Zero());
+  for (auto& component : stress_) component.assign(count, 0.0f);
+  for (auto& component : strain_increment_) component.assign(count, 0.0f);
+  state_.assign(material.stateNames().size(), std::vector<float>(count, 0.0f));
+  volume_.assign(count, static_cast<float>(settings.particle_volume_m3));
+  corrected_stress_.assign(count, Matrix43f::Zero());
+  viscosity_.assign(count, Eigen::Vector4f::Zero());
+  row_count_.assign(count, 0);
+  correction_.assign(count, Matrix43f::Zero());
+  gradient_sum_.assign(count, Eigen::Vector4f::Zero());
+  cached_volume_ = volume_;
+}
+
+void SphBody::setVelocity(std::size_t i, const Eigen::Vector3d& velocity_mps) {
+  velocity_[i].head<3>() = velocity_mps.cast<float>();
+}
+
+void SphBody::setStress(std::size_t i, const std::array<float, kComponents>& stress_pa) {
+  for (std::size_t c = 0; c < kComponents; ++c) stress_[c][i] = stress_pa[c];
+}
+
+void SphBody::updateGradients() {
+#pragma omp single
+  {
+    // Two particles approach each other by at most twice the way of the faster one.
+    search_due_ = candidates_.row_begin.empty() ||
+                  2.0 * (travelled_since_search_ + travelled_) >= settings_.skin_m;
+    refresh_due_ = search_due_ || travelled_ >= settings_.refresh_distance_m;
+    if (search_due_) {
+      findNeighbours(position_, 2.0 * settings_.smoothing_length_m + settings_.skin_m, candidates_);
+      pair_.resize(candidates_.index.size());
+      neighbour_.resize(candidates_.index.size());
+      travelled_since_search_ = 0.0;
+    } else if (refresh_due_) {
+      travelled_since_search_ += travelled_;
+    }
+    if (refresh_due_) {
+      travelled_ = 0.0;
+      cached_volume_ = volume_;
+    }
+  }
+  if (!refresh_due_) return;
+#pragma omp for schedule(static)
+  for (std::size_t i = 0; i < size(); ++i) refreshRow(i);
+}
+
+void SphBody::refreshRow(std::size_t i) {
+  const CubicSpline kernel{settings_.smoothing_length_m};
+  const double h = settings_.smoothing_length_m;
+  const double viscosity = settings_.density_kgpm3 * settings_.viscosity_ratio * settings_.viscosity_speed_mps * h;
+  const double reach = kernel.support() - kSupportMargin * h;
+
+  const std::size_t begin = candidates_.row_begin[i];
+  std::size_t end = begin;
+  Eigen::Matrix3d moment = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (std::size_t c = begin; c < candidates_.row_begin[i + 1]; ++c) {
+    const auto j = static_cast<std::size_t>(candidates_.index[c]);
+    const Eigen::Vector3d offset = position_[i] - position_[j];
+    const double distance_squared = offset.squaredNorm();
+    if (distance_squared >= reach * reach || distance_squared == 0.0) continue;
+    const double distance = std::sqrt(distance_squared);
+    const double slope = static_cast<double>(cached_volume_[j]) * kernel.derivative(distance);
+    const Eigen::Vector3d gradient = slope / distance * offset;
+    const double softened = distance_squared + 0.01 * h * h;
+    pair_[end].head<3>() = gradient.cast<float>();
+    pair_[end].w() = static_cast<float>(viscosity * distance / (softened * -slope));
+    neighbour_[end] = candidates_.index[c];
+    ++end;
+    moment.noalias() -= offset * gradient.transpose();
+    sum += gradient;
+  }
+  row_count_[i] = static_cast<std::int32_t>(end - begin);
+  gradient_sum_[i] << sum.cast<float>(), 0.0f;
+  const bool regular = moment.determinant() >= settings_.determinant_limit;
+  correction_[i].topRows<3>() =
+      regular ? Eigen::Matrix3f(moment.inverse().cast<float>()) : Eigen::Matrix3f(Eigen::Matrix3f::Identity());
+}
+
+SphBody::Gathered SphBody::gather(std::size_t i) const {
+  Gathered result{Matrix43f::Zero(), Eigen::Vector4f::Zero()};
+  const Eigen::Vector4f own = velocity_[i];
+  const std::size_t begin = candidates_.row_begin[i];
+  const std::size_t end = begin + static_cast<std::size_t>(row_count_[i]);
+  for (std::size_t n = begin; n < end; ++n) {
+    const Eigen::Vector4f& pair = pair_[n];
+    const Eigen::Vector4f difference = velocity_[static_cast<std::size_t>(neighbour_[n])] - own;
+    result.gradient.col(0) += difference * pair.x();
+    result.gradient.col(1) += difference * pair.y();
+    result.gradient.col(2) += difference * pair.z();
+    result.viscosity += difference.dot(pair) * pair.w() * pair;  // difference.w is 0
+  }
+  result.viscosity.w() = 0.0f;
+  return result;
+}
+
+Eigen::Matrix3f SphBody::velocityGradient(std::size_t i) const {
+  return gather(i).gradient.topRows<3>() * correction_[i].topRows<3>();
+}
+
+void SphBody::updateStress(double time_step_s) {
+  const std::size_t tiles = (size() + kTile - 1) / kTile;
+#pragma omp for schedule(static)
+  for (std::size_t tile = 0; tile < tiles; ++tile) {
+    updateRange(tile * kTile, std::min((tile + 1) * kTile, size()), static_cast<float>(time_step_s));
+  }
+}
+
+void SphBody::updateRange(std::size_t begin, std::size_t end, float dt) {
+  const auto rest_volume = static_cast<float>(settings_.particle_volume_m3);
+  const auto limit = static_cast<float>(settings_.volume_ratio_limit);
+  for (std::size_t i = begin; i < end; ++i) {
+    const Gathered gathered = gather(i);
+    viscosity_[i] = gathered.viscosity;
+    const Eigen::Matrix3f increment = dt * (gathered.gradient.topRows<3>() * correction_[i].topRows<3>());
+
+    strain_increment_[0][i] = increment(0, 0);
+    strain_increment_[1][i] = increment(1, 1);
+    strain_increment_[2][i] = increment(2, 2);
+    strain_increment_[3][i] = 0.5f * (increment(0, 1) + increment(1, 0));
+    strain_increment_[4][i] = 0.5f * (increment(1, 2) + increment(2, 1));
+    strain_increment_[5][i] = 0.5f * (increment(2, 0) + increment(0, 2));
+    volume_[i] = std::min(std::max(volume_[i] * (1.0f + increment.trace()), rest_volume / limit), rest_volume * limit);
+
+    // Jaumann rate: the old stress turns with the particle, sigma + w sigma - sigma w, written out by component.
+    const float wxy = 0.5f * (increment(0, 1) - increment(1, 0));
+    const float wyz = 0.5f * (increment(1, 2) - increment(2, 1));
+    const float wzx = 0.5f * (increment(2, 0) - increment(0, 2));
+    const float xx = stress_[0][i], yy = stress_[1][i], zz = stress_[2][i];
+    const float xy = stress_[3][i], yz = stress_[4][i], zx = stress_[5][i];
+    stress_[0][i] = xx + 2.0f * (wxy * xy - wzx * zx);
+    stress_[1][i] = yy + 2.0f * (wyz * yz - wxy * xy);
+    stress_[2][i] = zz + 2.0f * (wzx * zx - wyz * yz);
+    stress_[3][i] = xy + wxy * (yy - xx) - wzx * yz + wyz * zx;
+    stress_[4][i] = yz + wyz * (zz - yy) - wxy * zx + wzx * xy;
+    stress_[5][i] = zx + wzx * (xx - zz) - wyz * xy + wxy * yz;
+  }
+
+  MaterialBatch batch;
+  batch.count = end - begin;
+  for (std::size_t c = 0; c < kComponents; ++c) {
+    batch.strain_increment[c] = strain_increment_[c].data() + begin;
+    batch.stress[c] = stress_[c].data() + begin;
+  }
+  batch.state.reserve(state_.size());
+  for (auto& values : state_) batch.state.push_back(values.data() + begin);
+  material_.update(batch);
+
+  for (std::size_t i = begin; i < end; ++i) {
+    Eigen::Matrix3f stress;
+    stress << stress_[0][i], stress_[3][i], stress_[5][i],  //
+        stress_[3][i], stress_[1][i], stress_[4][i],        //
+        stress_[5][i], stress_[4][i], stress_[2][i];
+    corrected_stress_[i].topRows<3>() = stress * correction_[i].topRows<3>();
+  }
+}
+
+Eigen::Vector4f SphBody::internalForce(std::size_t i) const {
+  const std::size_t begin = candidates_.row_begin[i];
+  const std::size_t end = begin + static_cast<std::size_t>(row_count_[i]);
+  Eigen::Vector4f sum = corrected_stress_[i] * gradient_sum_[i].head<3>() + viscosity_[i];
+  for (std::size_t n = begin; n < end; ++n) {
+    const Eigen::Vector4f& pair = pair_[n];
+    const Matrix43f& stress = corrected_stress_[static_cast<std::size_t>(neighbour_[n])];
+    sum += stress.col(0) * pair.x() + stress.col(1) * pair.y() + stress.col(2) * pair.z();
+  }
+  return cached_volume_[i] * sum;
+}
+
+}  // namespace brash_ice_rig

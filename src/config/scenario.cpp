@@ -110,6 +110,12 @@ void checkCollector(const Scenario& scenario) {
   require(collector.folded_arm_angle_deg > unfolded_deg, "collector.folded_arm_angle_deg",
           collector.folded_arm_angle_deg,
           "must be greater than the unfolded arm's angle atan(rim_height_m / radius_m) = " + rounded(unfolded_deg));
+  // The pole that stands in the ice from the start pushes the blocks in its way aside: one layer of them, not more.
+  if (scenario.procedure.start == StartPose::kUnfoldedUnderIce) {
+    require(collector.pole_radius_m <= field.spacing_m, "collector.pole_radius_m", collector.pole_radius_m,
+            "must be at most field.spacing_m (" + formatNumber(field.spacing_m) +
+                ") when the procedure starts under the ice");
+  }
 }
 
 void checkContact(const ContactConfig& contact) {
@@ -164,8 +170,12 @@ double particleCount(const FieldConfig& field) {
          sitesAlong(field.thickness_m, field.spacing_m);
 }
 
+double latticeThickness(const FieldConfig& field) {
+  return sitesAlong(field.thickness_m, field.spacing_m) * field.spacing_m;
+}
+
 double iceDraft(const Scenario& scenario) {
-  return scenario.field.thickness_m * scenario.ice.parent_density_kgpm3 / scenario.water.density_kgpm3;
+  return latticeThickness(scenario.field) * scenario.ice.parent_density_kgpm3 / scenario.water.density_kgpm3;
 }
 
 double armLength(const CollectorConfig& collector) {
@@ -179,7 +189,7 @@ double unfoldedArmAngle(const CollectorConfig& collector) {
 double startHubHeight(const Scenario& scenario) {
   const double gap = scenario.procedure.start_gap_m;
   if (scenario.procedure.start == StartPose::kFoldedAboveIce) {
-    return scenario.field.thickness_m - iceDraft(scenario) + gap;
+    return latticeThickness(scenario.field) - iceDraft(scenario) + gap;
   }
   return -iceDraft(scenario) - scenario.collector.rim_height_m - gap;
 }

@@ -134,7 +134,7 @@ Simulation::Impl::Impl(const Scenario& s)
     : scenario(validated(s)),
       sample_period(1.0 / s.load_cell.rate_hz),
       material(makeCapParameters(s.ice, s.solver.stiffness_scale)),
-      density(bulkDensity(s.ice)),
+      density(computeBulkDensity(s.ice.parent_density_kgpm3, s.ice.void_fraction)),
       time_step(0.0),
       steps_per_sample(0),
       settle_steps(0),
@@ -152,7 +152,8 @@ Simulation::Impl::Impl(const Scenario& s)
       procedure(s.procedure, lowestHubHeight(s)),
       fold_target(collector.foldRatio()) {
   // The step divides the sample period, so that each sample falls on a step.
-  const double wave_speed = pWaveSpeed(material.bulkModulus(), material.shearModulus(), density);
+  const double wave_speed =
+      computeWaveSpeed({0.0, material.bulkModulus(), material.shearModulus()}, density);
   const double smoothing_length = s.solver.smoothing_ratio * s.field.spacing_m;
   const double largest_step = s.solver.cfl_ratio * smoothing_length / wave_speed;
   steps_per_sample = static_cast<std::uint64_t>(std::ceil(sample_period / largest_step));

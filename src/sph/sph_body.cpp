@@ -10,7 +10,7 @@ namespace brash_ice_rig {
 namespace {
 
 // Particles per call of the material: long enough for its vector loops, short enough to stay in the first-level cache.
-constexpr std::size_t kTile = 64;
+constexpr std::size_t kTile = 128;
 
 /// A pair closer than this to the edge of the support has no measurable weight, and its viscosity factor overflows.
 constexpr double kSupportMargin = 1.0e-4;
@@ -103,19 +103,26 @@ void SphBody::refreshRow(std::size_t i) {
 }
 
 SphBody::Gathered SphBody::gather(std::size_t i) const {
-  Gathered result{Matrix43f::Zero(), Eigen::Vector4f::Zero()};
+  // Plain locals, so that the sums stay in registers.
+  Eigen::Vector4f along_x = Eigen::Vector4f::Zero(), along_y = along_x, along_z = along_x, viscosity = along_x;
   const Eigen::Vector4f own = velocity_[i];
+  const Eigen::Vector4f* const velocity = velocity_.data();
+  const std::int32_t* const neighbour = neighbour_.data();
+  const Eigen::Vector4f* const pairs = pair_.data();
   const std::size_t begin = candidates_.row_begin[i];
   const std::size_t end = begin + static_cast<std::size_t>(row_count_[i]);
   for (std::size_t n = begin; n < end; ++n) {
-    const Eigen::Vector4f& pair = pair_[n];
-    const Eigen::Vector4f difference = velocity_[static_cast<std::size_t>(neighbour_[n])] - own;
-    result.gradient.col(0) += difference * pair.x();
-    result.gradient.col(1) += difference * pair.y();
-    result.gradient.col(2) += difference * pair.z();
-    result.viscosity += difference.dot(pair) * pair.w() * pair;  // difference.w is 0
+    const Eigen::Vector4f& pair = pairs[n];
+    const Eigen::Vector4f difference = velocity[neighbour[n]] - own;
+    along_x += difference * pair.x();
+    along_y += difference * pair.y();
+    along_z += difference * pair.z();
+    viscosity += (difference.dot(pair) * pair.w()) * pair;  // difference.w is 0
   }
-  result.viscosity.w() = 0.0f;
+  viscosity.w() = 0.0f;
+  Gathered result;
+  result.gradient << along_x, along_y, along_z;
+  result.viscosity = viscosity;
   return result;
 }
 
@@ -181,13 +188,17 @@ void SphBody::updateRange(std::size_t begin, std::size_t end, float dt) {
 }
 
 Eigen::Vector4f SphBody::internalForce(std::size_t i) const {
+  const Matrix43f* const stress = corrected_stress_.data();
+  const std::int32_t* const neighbour = neighbour_.data();
+  const Eigen::Vector4f* const pairs = pair_.data();
   const std::size_t begin = candidates_.row_begin[i];
   const std::size_t end = begin + static_cast<std::size_t>(row_count_[i]);
-  Eigen::Vector4f sum = corrected_stress_[i] * gradient_sum_[i].head<3>() + viscosity_[i];
+  Eigen::Vector4f sum = viscosity_[i];
+  sum += corrected_stress_[i] * gradient_sum_[i].head<3>();
   for (std::size_t n = begin; n < end; ++n) {
-    const Eigen::Vector4f& pair = pair_[n];
-    const Matrix43f& stress = corrected_stress_[static_cast<std::size_t>(neighbour_[n])];
-    sum += stress.col(0) * pair.x() + stress.col(1) * pair.y() + stress.col(2) * pair.z();
+    const Eigen::Vector4f& pair = pairs[n];
+    const Matrix43f& other = stress[neighbour[n]];
+    sum += other.col(0) * pair.x() + other.col(1) * pair.y() + other.col(2) * pair.z();
   }
   return cached_volume_[i] * sum;
 }

@@ -83,6 +83,23 @@ TEST(Scenario, FoldedArmsStandSteeperThanUnfoldedOnes) {
             "");
 }
 
+TEST(Scenario, PoleInTheIcePushesAsideOneLayerAtMost) {
+  EXPECT_EQ(verdict([](Scenario& s) { s.collector.pole_radius_m = 0.31; }),
+            "collector.pole_radius_m = 0.31, must be at most field.spacing_m (0.3) when the procedure starts under "
+            "the ice");
+  EXPECT_EQ(verdict([](Scenario& s) {
+              s.collector.pole_radius_m = 0.31;
+              s.procedure.start = StartPose::kFoldedAboveIce;
+            }),
+            "");
+}
+
+TEST(Scenario, DraftIsThatOfTheLayersThereAre) {
+  Scenario s;
+  s.field.thickness_m = 1.3;  // four layers of 0.3 m
+  EXPECT_NEAR(iceDraft(s), 1.08, 1e-12);
+}
+
 TEST(Scenario, IceFloats) {
   EXPECT_EQ(verdict([](Scenario& s) { s.ice.parent_density_kgpm3 = 1000.0; }),
             "ice.parent_density_kgpm3 = 1000, must be less than water.density_kgpm3 (1000), or the ice sinks");

@@ -327,10 +327,13 @@ double sitesAlong(double length_m, double spacing_m);
 /// Particles of the field: the product of sitesAlong() for its three lengths.
 double particleCount(const FieldConfig& field);
 
+/// Thickness that the lattice has, m: whole layers of one spacing, nearest to thickness_m.
+double latticeThickness(const FieldConfig& field);
+
 // Heights are in m over the still waterline (z = 0), up positive. The hub is the collector's lowest point unless the
 // arms droop.
 
-/// Depth of the undisturbed ice bottom below the waterline, m, > 0: thickness times ice density over water density. The
+/// Depth of the undisturbed ice bottom below the waterline, m, > 0: lattice thickness times ice over water density. The
 /// void fraction drops out, because eqs. 1 and 2 scale weight and buoyancy alike.
 double iceDraft(const Scenario& scenario);
 

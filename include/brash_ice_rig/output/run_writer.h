@@ -1,0 +1,51 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "brash_ice_rig/output/output_file.h"
+#include "brash_ice_rig/output/run_summary.h"
+#include "brash_ice_rig/simulation/simulation.h"
+
+namespace brash_ice_rig {
+
+/// Wall time of a run, s.
+struct RunTiming {
+  double wall_s = 0.0;     ///< from start to end, waiting included
+  double compute_s = 0.0;  ///< inside Simulation::advance() only
+};
+
+/// Leaves a run's files in a directory: scenario.yaml at once, force.csv as it grows, summary.json at the end.
+/// Where there is no summary.json, the run did not get to its end: one from an earlier run is removed at the start.
+///
+/// Use: one RunWriter per run, made before the first advance(); after each advance(samplePeriod()) one write();
+/// finish() once. Every call throws OutputError (directory not writable, disk full...) and only that.
+class RunWriter {
+ public:
+  /// Creates the directory, parents too, and writes scenario.yaml, the effective scenario.
+  RunWriter(const Simulation& simulation, const std::string& directory);
+
+  /// One row of force.csv, one sample of the statistics.
+  /// @param raised  flags of the StepReport since the last call; they and the snapshot's go into the summary
+  void write(const Snapshot& snapshot, StatusFlags raised);
+
+  /// Closes force.csv and writes summary.json.
+  /// @param interrupted  stopped from outside before the script's end
+  RunSummary finish(const Simulation& simulation, const RunTiming& timing, bool interrupted);
+
+  const std::string& directory() const { return directory_; }
+  std::string scenarioPath() const { return directory_ + "/scenario.yaml"; }
+  std::string forcePath() const { return directory_ + "/force.csv"; }
+  std::string summaryPath() const { return directory_ + "/summary.json"; }
+
+ private:
+  std::string directory_;
+  OutputFile force_file_;
+  ForceStatistics reading_, ice_;
+  StatusFlags flags_;
+  double sample_period_s_;
+  std::uint64_t first_step_;
+  std::uint64_t rows_since_flush_ = 0;
+};
+
+}  // namespace brash_ice_rig

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "brash_ice_rig/config/scenario.h"
+#include "brash_ice_rig/simulation/snapshot.h"
+
+namespace brash_ice_rig {
+
+/// Particles as VTK XML PolyData (.vtp): one vertex each, with the cloud's fields as point data.
+std::string particlesToVtp(const ParticleCloud& cloud);
+
+/// Net (eight triangles from the hub) and pole (a line to the crane tip) as VTK XML PolyData.
+std::string collectorToVtp(const CollectorConfig& collector, const RigState& rig);
+
+/// A time series that ParaView opens as one: DIRECTORY/run.pvd, with an ice and a collector file per instant.
+/// run.pvd is replaced as a whole after each instant, so that the series of a stopped run can be read too.
+class VtkWriter {
+ public:
+  /// Creates the directory. @throws OutputError
+  explicit VtkWriter(const std::string& directory);
+
+  /// @throws OutputError
+  void write(double time_s, const ParticleCloud& cloud, const CollectorConfig& collector, const RigState& rig);
+
+  std::string collectionPath() const { return directory_ + "/run.pvd"; }
+
+ private:
+  std::string directory_;
+  std::vector<double> times_s_;
+};
+
+}  // namespace brash_ice_rig

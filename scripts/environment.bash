@@ -1,0 +1,48 @@
+# Sourced by setup, run and test: where the package lies, and an environment in which ROS works on a bare machine.
+# After ros_environment: ros_flavour is "debian", "noetic" or "".
+
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+
+# A Python from elsewhere on PATH lacks the modules of the ROS packages.
+export PATH=/usr/bin:/bin:/usr/sbin:/sbin:$PATH
+export HOME=${HOME:-/tmp}
+
+ros_flavour=
+if [ -r /opt/ros/noetic/setup.bash ]; then
+  ros_flavour=noetic
+elif (. /etc/os-release && [ "${ID:-}" = debian ] && [ "${VERSION_ID:-}" = 12 ]) 2>/dev/null; then
+  ros_flavour=debian
+fi
+
+# Reads a setup file of ROS; these files use variables that are not set.
+source_ros() {
+  set +u
+  # shellcheck disable=SC1090
+  source "$1"
+  set -u
+}
+
+# The hostname of a bare machine often does not resolve; localhost does. A machine that is told where its master is
+# knows its own name.
+use_localhost() {
+  if [ -z "${ROS_HOSTNAME:-}${ROS_IP:-}${ROS_MASTER_URI:-}" ]; then
+    export ROS_HOSTNAME=localhost
+  fi
+}
+
+# build DIRECTORY [cmake arguments...]: configures and builds, quietly unless something goes wrong.
+build() {
+  local directory=$1
+  shift
+  if [ "$ros_flavour" = noetic ]; then
+    source_ros /opt/ros/noetic/setup.bash
+  fi
+  mkdir -p "$directory"
+  local log=$directory/build.log
+  echo "building in $directory (log: $log)"
+  if ! { cmake -S "$root" -B "$directory" "$@" && cmake --build "$directory" -j "$(nproc)"; } >"$log" 2>&1; then
+    tail -n 60 "$log" >&2
+    echo "The build failed; all of it is in $log." >&2
+    return 1
+  fi
+}

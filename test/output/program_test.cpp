@@ -1,0 +1,226 @@
+// Drives the program brash_ice as a user's script does.
+
+#include <signal.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <thread>
+
+#include <gtest/gtest.h>
+#include <yaml-cpp/yaml.h>
+
+#include "temporary_directory.h"
+
+namespace brash_ice_rig {
+namespace {
+
+struct Outcome {
+  int exit_code;
+  std::string text;  // stdout and stderr
+};
+
+Outcome runShell(const std::string& command) {
+  std::FILE* pipe = popen((command + " 2>&1").c_str(), "r");
+  if (pipe == nullptr) throw std::runtime_error("no shell");
+  Outcome outcome{-1, ""};
+  std::array<char, 4096> buffer;
+  while (const std::size_t got = std::fread(buffer.data(), 1, buffer.size(), pipe)) {
+    outcome.text.append(buffer.data(), got);
+  }
+  const int status = pclose(pipe);
+  if (WIFEXITED(status)) outcome.exit_code = WEXITSTATUS(status);
+  return outcome;
+}
+
+bool contains(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+
+class ProgramTest : public ::testing::Test {
+ protected:
+  static constexpr const char* kSmallScenario =
+      "title: Small field\n"
+      "field: {length_x_m: 3.0, length_y_m: 3.0, thickness_m: 0.6}\n"
+      "collector: {radius_m: 0.6}\n"
+      "procedure: {settle_duration_s: 0.5, lift_duration_s: 1.5, hold_duration_s: 0.5}\n";
+
+  Outcome program(const std::string& arguments) const {
+    return runShell("cd '" + directory_.path() + "' && '" BRASH_ICE_PROGRAM "' " + arguments);
+  }
+  YAML::Node summaryIn(const std::string& run) const {
+    return YAML::LoadFile(directory_.file(run + "/summary.json"));
+  }
+
+  TemporaryDirectory directory_;
+  std::string scenario_ = directory_.put("small.yaml", kSmallScenario);
+};
+
+TEST_F(ProgramTest, VersionIsPrinted) {
+  const Outcome outcome = program("--version");
+  EXPECT_EQ(outcome.exit_code, 0);
+  EXPECT_EQ(outcome.text.rfind("brash_ice ", 0), 0u) << outcome.text;
+}
+
+TEST_F(ProgramTest, WrongCommandLineIsBadInput) {
+  EXPECT_EQ(program("").exit_code, 2);
+  EXPECT_EQ(program("fly").exit_code, 2);
+  EXPECT_EQ(program("run").exit_code, 2);
+  EXPECT_EQ(program("run small.yaml --no-such-option").exit_code, 2);
+  EXPECT_EQ(program("check").exit_code, 2);
+  EXPECT_EQ(program("--help").exit_code, 0);
+}
+
+TEST_F(ProgramTest, UnknownKeyNamesTheNearestOneAndLeavesNothingBehind) {
+  const Outcome outcome = program("run small.yaml --set field.spaceing_m=0.3 --out run");
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_TRUE(contains(outcome.text, "field.spacing_m")) << outcome.text;
+  EXPECT_FALSE(std::filesystem::exists(directory_.file("run")));
+}
+
+TEST_F(ProgramTest, ValueOutOfRangeNamesKeyAndValue) {
+  const Outcome outcome = program("run small.yaml --set ice.void_fraction=1.2 --out run");
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_TRUE(contains(outcome.text, "ice.void_fraction = 1.2")) << outcome.text;
+}
+
+TEST_F(ProgramTest, ThreadsAndVtkAreCheckedLikeTheirKeys) {
+  const Outcome threads = program("run small.yaml --threads 0");
+  EXPECT_EQ(threads.exit_code, 2);
+  EXPECT_TRUE(contains(threads.text, "solver.threads")) << threads.text;
+  const Outcome vtk = program("run small.yaml --vtk often");
+  EXPECT_EQ(vtk.exit_code, 2);
+  EXPECT_TRUE(contains(vtk.text, "output.vtk_interval_s")) << vtk.text;
+}
+
+TEST_F(ProgramTest, MissingFileIsBadInput) {
+  const Outcome outcome = program("run nowhere.yaml");
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_TRUE(contains(outcome.text, "nowhere.yaml")) << outcome.text;
+}
+
+TEST_F(ProgramTest, ManualControlHasNoEndAndIsRefused) {
+  const Outcome outcome = program("run small.yaml --set procedure.control=manual");
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_TRUE(contains(outcome.text, "procedure.control = manual")) << outcome.text;
+}
+
+TEST_F(ProgramTest, UnwritableDirectoryFailsTheRun) {
+  const Outcome outcome = program("run small.yaml --out small.yaml/run");
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_TRUE(contains(outcome.text, "small.yaml/run: Not a directory")) << outcome.text;
+}
+
+TEST_F(ProgramTest, FullDiskFailsTheRunAndLeavesNoSummary) {
+  std::filesystem::create_directory(directory_.file("run"));
+  std::filesystem::create_symlink("/dev/full", directory_.file("run/force.csv"));
+  const Outcome outcome = program("run small.yaml --out run");
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_TRUE(contains(outcome.text, "run/force.csv: No space left on device")) << outcome.text;
+  EXPECT_FALSE(std::filesystem::exists(directory_.file("run/summary.json")));
+}
+
+TEST_F(ProgramTest, CheckSaysOkPerFileAndTakesOverlays) {
+  directory_.put("overlay.yaml", "ice: {cohesion_pa: 100.0}\n");
+  const Outcome outcome = program("check small.yaml overlay.yaml");
+  EXPECT_EQ(outcome.exit_code, 0);
+  EXPECT_EQ(outcome.text, "small.yaml: ok\noverlay.yaml: ok\n");
+}
+
+TEST_F(ProgramTest, CheckReportsEachBadFileAndGoesOn) {
+  directory_.put("unknown.yaml", "field: {spaceing_m: 0.3}\n");
+  directory_.put("broken.yaml", "field: {spacing_m: [0.3\n");
+  directory_.put("empty.yaml", "");
+  const Outcome outcome = program("check unknown.yaml broken.yaml empty.yaml missing.yaml small.yaml");
+  EXPECT_EQ(outcome.exit_code, 2);
+  for (const char* name : {"unknown.yaml", "broken.yaml", "empty.yaml", "missing.yaml"}) {
+    EXPECT_TRUE(contains(outcome.text, name)) << outcome.text;
+    EXPECT_FALSE(contains(outcome.text, std::string(name) + ": ok")) << outcome.text;
+  }
+  EXPECT_TRUE(contains(outcome.text, "small.yaml: ok")) << outcome.text;
+}
+
+TEST_F(ProgramTest, SmallRunLeavesItsFiles) {
+  const Outcome outcome = program("run small.yaml --out run --vtk 1");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
+  for (const char* name : {"run/force.csv", "run/scenario.yaml", "run/summary.json", "run/vtk/run.pvd"}) {
+    EXPECT_TRUE(contains(outcome.text, name)) << "path not printed: " << name;
+    EXPECT_TRUE(std::filesystem::exists(directory_.file(name))) << name;
+  }
+  for (const char* stage : {"settle", "lift", "hold"}) EXPECT_TRUE(contains(outcome.text, stage)) << outcome.text;
+
+  const YAML::Node summary = summaryIn("run");
+  EXPECT_EQ(summary["status"].as<std::string>(), "ok");
+  EXPECT_NEAR(summary["simulated_s"].as<double>(), 2.5, 0.011);
+  EXPECT_GT(summary["real_time_factor"].as<double>(), 0.0);
+  EXPECT_GT(summary["ns_per_particle_step"].as<double>(), 0.0);
+
+  // 2.5 s at 100 Hz; the last sample may or may not belong to the stage that ends the run.
+  std::ifstream csv(directory_.file("run/force.csv"));
+  int lines = 0;
+  for (std::string line; std::getline(csv, line);) ++lines;
+  EXPECT_NEAR(lines - 1, 250, 1);
+
+  // At -0.5, 0.5 and 1.5 s.
+  EXPECT_TRUE(std::filesystem::exists(directory_.file("run/vtk/ice_000002.vtp")));
+  EXPECT_FALSE(std::filesystem::exists(directory_.file("run/vtk/ice_000003.vtp")));
+  EXPECT_EQ(program("check run/scenario.yaml").exit_code, 0);
+}
+
+TEST_F(ProgramTest, EffectiveScenarioRepeatsTheRunBitForBit) {
+  ASSERT_EQ(program("run small.yaml --out first --set ice.cohesion_pa=150 --threads 1").exit_code, 0);
+  ASSERT_EQ(program("run first/scenario.yaml --out again").exit_code, 0);
+  ASSERT_EQ(program("run first/scenario.yaml --out two_threads --threads 2").exit_code, 0);
+  ASSERT_EQ(program("run small.yaml --out other").exit_code, 0);
+  const auto hash = summaryIn("first")["state_hash"].as<std::string>();
+  EXPECT_EQ(summaryIn("again")["state_hash"].as<std::string>(), hash);
+  EXPECT_EQ(summaryIn("two_threads")["state_hash"].as<std::string>(), hash);
+  EXPECT_NE(summaryIn("other")["state_hash"].as<std::string>(), hash) << "the hash does not see the cohesion";
+  EXPECT_EQ(readFile(directory_.file("again/force.csv")), readFile(directory_.file("two_threads/force.csv")));
+  EXPECT_EQ(summaryIn("two_threads")["threads"].as<int>(), 2);
+}
+
+TEST_F(ProgramTest, OverlaysAndSettingsMayBeRepeatedAndTheLastSettingWins) {
+  directory_.put("a.yaml", "ice: {cohesion_pa: 111.0}\n");
+  directory_.put("b.yaml", "water: {density_kgpm3: 1025.0}\n");
+  const Outcome outcome = program(
+      "run --overlay a.yaml --overlay b.yaml --set field.seed=5 --set field.seed=6 small.yaml --out run"
+      " --set procedure.lift_duration_s=0.1");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
+  const YAML::Node scenario = YAML::LoadFile(directory_.file("run/scenario.yaml"));
+  EXPECT_EQ(scenario["ice"]["cohesion_pa"].as<double>(), 111.0);
+  EXPECT_EQ(scenario["water"]["density_kgpm3"].as<double>(), 1025.0);
+  EXPECT_EQ(scenario["field"]["seed"].as<int>(), 6);
+}
+
+TEST_F(ProgramTest, InterruptEndsTheRunCleanly) {
+  const std::string run = directory_.file("run");
+  std::string program = BRASH_ICE_PROGRAM;
+  std::string command = "run", out = "--out", set = "--set", duration = "procedure.lift_duration_s=3600";
+  std::string directory = run, scenario = scenario_;
+  char* arguments[] = {program.data(), command.data(), scenario.data(), out.data(),
+                       directory.data(), set.data(), duration.data(), nullptr};
+  pid_t pid = 0;
+  ASSERT_EQ(posix_spawn(&pid, program.c_str(), nullptr, nullptr, arguments, environ), 0);
+  // Rows reach the disk once per simulated second; the header alone is shorter than this.
+  for (int i = 0; i < 600; ++i) {
+    std::error_code not_there_yet;
+    if (std::filesystem::file_size(run + "/force.csv", not_there_yet) > 1000 && !not_there_yet) break;
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  }
+  ASSERT_EQ(kill(pid, SIGINT), 0);
+  int status = 0;
+  ASSERT_EQ(waitpid(pid, &status, 0), pid);
+  ASSERT_TRUE(WIFEXITED(status));
+  EXPECT_EQ(WEXITSTATUS(status), 1);
+  EXPECT_EQ(summaryIn("run")["status"].as<std::string>(), "interrupted");
+  EXPECT_EQ(readFile(run + "/force.csv").back(), '\n');
+}
+
+}  // namespace
+}  // namespace brash_ice_rig

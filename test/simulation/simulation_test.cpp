@@ -1,0 +1,318 @@
+#include "brash_ice_rig/simulation/simulation.h"
+
+#include <cmath>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "brash_ice_rig/config/config_error.h"
+
+namespace brash_ice_rig {
+namespace {
+
+/// A field of 6 x 6 m and a collector of 0.7 m: 1,600 particles, a few seconds of computing for a lift.
+Scenario smallScenario() {
+  Scenario s;
+  s.field.length_x_m = 6.0;
+  s.field.length_y_m = 6.0;
+  s.collector.radius_m = 0.7;
+  s.collector.rim_height_m = 0.2;
+  s.procedure.settle_duration_s = 1.0;
+  s.procedure.lift_duration_s = 10.0;
+  s.solver.threads = 1;
+  return s;
+}
+
+Scenario manualScenario() {
+  Scenario s = smallScenario();
+  s.procedure.control = ControlMode::kManual;
+  s.procedure.start = StartPose::kFoldedAboveIce;
+  s.procedure.start_gap_m = 2.0;
+  return s;
+}
+
+/// Load of the ice on the rig, N, > 0 down.
+double iceLoad(const Simulation& simulation) { return -simulation.snapshot().ice_force_n.z(); }
+
+void advanceTo(Simulation& simulation, double time_s) {
+  const double rest = time_s - simulation.snapshot().time_s;
+  ASSERT_GT(rest, 0.0);
+  simulation.advance(rest);
+}
+
+TEST(Simulation, TimeZeroIsTheEndOfSettling) {
+  Simulation simulation(smallScenario());
+  EXPECT_NEAR(simulation.snapshot().time_s, -1.0, 1e-12);
+  simulation.advance(1.0);
+  EXPECT_NEAR(simulation.snapshot().time_s, 0.0, 1e-12);
+}
+
+TEST(Simulation, StepDividesTheSamplePeriodAndObeysCfl) {
+  Simulation simulation(smallScenario());
+  const double steps = simulation.samplePeriod() / simulation.timeStep();
+  EXPECT_NEAR(steps, std::round(steps), 1e-9);
+  // E/1000 of B-1: 58 m/s and h = 0.36 m; physics of the paper's numbers.
+  EXPECT_LE(simulation.timeStep(), 0.5 * 0.36 / 58.0);
+}
+
+TEST(FloatingField, StaysAtRestAndExertsNoForce) {
+  Scenario s = smallScenario();
+  s.procedure.start_gap_m = 1.0;
+  s.procedure.control = ControlMode::kManual;  // nobody moves the crane
+  Simulation simulation(s);
+  simulation.advance(3.0);
+  const ParticleCloud cloud = simulation.particles();
+  for (const float speed : cloud.speed_mps) EXPECT_LT(speed, 1e-3f);
+  EXPECT_NEAR(iceLoad(simulation), 0.0, 20.0);
+  EXPECT_LT(simulation.snapshot().kinetic_energy_j, 1e-5);
+}
+
+TEST(FloatingField, JitteredPackingAlsoComesToRest) {
+  Scenario s = smallScenario();
+  s.field.jitter_ratio = 0.1;
+  s.procedure.settle_duration_s = 3.0;
+  s.procedure.start_gap_m = 1.0;
+  s.procedure.control = ControlMode::kManual;
+  Simulation simulation(s);
+  simulation.advance(5.0);
+  for (const float speed : simulation.particles().speed_mps) EXPECT_LT(speed, 1e-3f);
+}
+
+TEST(LoadCellInTheRig, KnownMassOnTheHookReadsMassTimesGravityDownwards) {
+  Scenario s = manualScenario();
+  s.collector.mass_kg = 250.0;
+  s.collector.pole_mass_kg = 50.0;
+  Simulation simulation(s);
+  simulation.advance(1.5);
+  EXPECT_NEAR(simulation.snapshot().force_n, 300.0 * 9.81, 1e-6);  // > 0: the rig pulls down on the crane
+  EXPECT_EQ(iceLoad(simulation), 0.0);
+}
+
+TEST(LoadCellInTheRig, AcceleratingTheMassUpwardsAddsMassTimesAcceleration) {
+  Scenario s = manualScenario();
+  Simulation simulation(s);
+  simulation.advance(1.5);
+  const double hanging = simulation.snapshot().force_n;
+  simulation.setCraneVelocity({0.0, 0.0, 0.4});
+  simulation.advance(0.1);  // ramps at 0.5 m/s² for 0.8 s
+  EXPECT_NEAR(simulation.snapshot().force_n - hanging, 190.0 * 0.5, 1e-6);
+}
+
+TEST(LoadCellInTheRig, ForceIsWeightLessBuoyancyBeforeContact) {
+  Scenario s = smallScenario();
+  s.procedure.start_gap_m = 0.5;
+  Simulation simulation(s);
+  advanceTo(simulation, 2.0);
+  const Snapshot now = simulation.snapshot();
+  EXPECT_EQ(iceLoad(simulation), 0.0);
+  EXPECT_NEAR(now.force_n, now.components.weight_n - now.components.buoyancy_n, 1e-6);
+  EXPECT_GT(now.components.buoyancy_n, 0.0);
+}
+
+TEST(PullUp, LoadRisesWithTheLiftAndThePlugComesAlong) {
+  Simulation simulation(smallScenario());
+  advanceTo(simulation, 1.0);
+  const double early = iceLoad(simulation);
+  advanceTo(simulation, 8.0);
+  EXPECT_GT(early, 0.0);
+  EXPECT_GT(iceLoad(simulation), early);
+  const PlugState plug = simulation.plug();
+  EXPECT_GT(plug.raised_particles, 0u);
+  EXPECT_NEAR(plug.lifted_mass_kg, 9.72 * static_cast<double>(plug.raised_particles), 1e-6);
+}
+
+TEST(PullUp, ComponentsAddUpToTheTension) {
+  Simulation simulation(smallScenario());
+  advanceTo(simulation, 6.0);
+  const Snapshot now = simulation.snapshot();
+  const ForceComponents& c = now.components;
+  EXPECT_NEAR(now.tension_n, c.weight_n - c.buoyancy_n + c.ice_normal_n + c.ice_friction_n + c.inertia_n, 1e-9);
+  EXPECT_NEAR(c.ice_normal_n + c.ice_friction_n, -now.ice_force_n.z(), 1e-9);
+  EXPECT_NEAR(c.plug_gravity_n - c.plug_buoyancy_n + c.plug_drag_n + c.plug_friction_n, -now.ice_force_n.z(), 1e-6);
+  EXPECT_NEAR(now.force_n, now.tension_n, 1.0);  // an ideal load cell, one step earlier
+}
+
+TEST(PullUp, DeadCraneGivesALevelForce) {
+  Scenario s = smallScenario();
+  s.procedure.lift_duration_s = 6.0;
+  s.procedure.hold_duration_s = 6.0;
+  Simulation simulation(s);
+  advanceTo(simulation, 8.0);
+  const double early = iceLoad(simulation);
+  advanceTo(simulation, 11.5);
+  EXPECT_NEAR(iceLoad(simulation), early, 0.03 * early);
+}
+
+TEST(Determinism, SameHashForOneAndTwoThreadsAndInTwoRuns) {
+  const auto hashAfterALift = [](int threads) {
+    Scenario s = smallScenario();
+    s.solver.threads = threads;
+    s.load_cell.noise_n = 50.0;
+    Simulation simulation(s);
+    simulation.advance(4.0);
+    return simulation.stateHash();
+  };
+  const std::uint64_t one = hashAfterALift(1);
+  EXPECT_EQ(hashAfterALift(1), one);
+  EXPECT_EQ(hashAfterALift(2), one);
+}
+
+TEST(Determinism, LengthOfAdvanceDoesNotMatter) {
+  Simulation whole(smallScenario()), pieces(smallScenario());
+  whole.advance(3.0);
+  for (int k = 0; k < 300; ++k) pieces.advance(0.01);
+  EXPECT_EQ(whole.stateHash(), pieces.stateHash());
+}
+
+TEST(Determinism, HashTellsDifferentWorldsApart) {
+  Scenario other = smallScenario();
+  other.ice.cohesion_pa = 201.0;
+  Simulation a(smallScenario()), b(other);
+  a.advance(2.0);
+  b.advance(2.0);
+  EXPECT_NE(a.stateHash(), b.stateHash());
+}
+
+TEST(Commands, MoveTheCraneInManualControl) {
+  Simulation simulation(manualScenario());
+  simulation.advance(1.0);
+  const double start = simulation.snapshot().rig.hoist_position_m;
+  for (int k = 0; k < 20; ++k) {
+    simulation.setCraneVelocity({0.0, 0.0, 0.2});
+    simulation.advance(0.1);
+  }
+  EXPECT_NEAR(simulation.snapshot().rig.hoist_position_m - start, 0.2 * (2.0 - 0.2), 0.01);
+}
+
+TEST(Watchdog, StaleCommandStopsTheCraneAndSaysSo) {
+  Simulation simulation(manualScenario());
+  simulation.advance(1.0);
+  simulation.setCraneVelocity({0.0, 0.0, 0.1});
+  EXPECT_FALSE(simulation.advance(0.2).flags.has(StatusFlag::kCommandTimeout));
+  EXPECT_NEAR(simulation.snapshot().rig.crane_velocity_mps.z(), 0.1, 1e-9);
+  EXPECT_TRUE(simulation.advance(0.5).flags.has(StatusFlag::kCommandTimeout));
+  EXPECT_EQ(simulation.snapshot().rig.crane_velocity_mps.z(), 0.0);
+}
+
+TEST(Watchdog, ZeroCommandNeedsNoRepeating) {
+  Simulation simulation(manualScenario());
+  simulation.advance(1.0);
+  simulation.setCraneVelocity(Eigen::Vector3d::Zero());
+  EXPECT_FALSE(simulation.advance(1.0).flags.any());
+}
+
+TEST(Commands, NotANumberOrInfiniteIsRefusedAndStopsTheCrane) {
+  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    Simulation simulation(manualScenario());
+    simulation.advance(1.0);
+    simulation.setCraneVelocity({0.0, 0.0, 0.1});
+    simulation.advance(0.25);
+    simulation.setCraneVelocity({0.0, bad, 0.1});
+    EXPECT_TRUE(simulation.advance(0.25).flags.has(StatusFlag::kCommandRejected));
+    EXPECT_EQ(simulation.snapshot().rig.crane_velocity_mps.norm(), 0.0);
+    EXPECT_TRUE(simulation.snapshot().rig.crane_position_m.allFinite());
+  }
+}
+
+TEST(Commands, TooLargeIsCutToTheLimitAndSaysSo) {
+  Simulation simulation(manualScenario());
+  simulation.advance(1.0);
+  StatusFlags flags;
+  for (int k = 0; k < 15; ++k) {
+    simulation.setCraneVelocity({0.0, 0.0, 1.0e12});
+    flags |= simulation.advance(0.1).flags;
+    EXPECT_LE(simulation.snapshot().rig.crane_velocity_mps.z(), 0.5 + 1e-12);
+  }
+  EXPECT_TRUE(flags.has(StatusFlag::kSpeedLimited));
+}
+
+TEST(Commands, AreIgnoredAndReportedWhileTheScriptDrives) {
+  Simulation simulation(smallScenario());
+  simulation.advance(1.5);
+  simulation.setCraneVelocity({0.0, 0.0, -0.4});
+  EXPECT_TRUE(simulation.advance(0.1).flags.has(StatusFlag::kCommandIgnored));
+  EXPECT_NEAR(simulation.snapshot().rig.crane_velocity_mps.z(), 0.052, 1e-12);
+}
+
+TEST(Commands, FoldTargetOutsideItsRangeIsRefused) {
+  for (const double bad : {-0.1, 1.1, std::numeric_limits<double>::quiet_NaN()}) {
+    Simulation simulation(manualScenario());
+    simulation.advance(1.0);
+    simulation.setFoldTarget(bad);
+    EXPECT_TRUE(simulation.advance(0.1).flags.has(StatusFlag::kCommandRejected));
+    EXPECT_EQ(simulation.snapshot().rig.fold_target, 0.0);
+  }
+}
+
+TEST(Commands, FoldTargetOpensAndClosesTheCollector) {
+  Simulation simulation(manualScenario());
+  simulation.advance(1.0);
+  simulation.setFoldTarget(1.0);
+  simulation.advance(11.0);
+  EXPECT_EQ(simulation.snapshot().rig.fold_ratio, 1.0);
+  EXPECT_TRUE(simulation.snapshot().rig.locked);
+  simulation.setFoldTarget(0.0);
+  simulation.advance(5.0);
+  EXPECT_NEAR(simulation.snapshot().rig.fold_ratio, 0.5, 1e-3);
+}
+
+TEST(Tare, MakesTheHangingRigReadZero) {
+  Simulation simulation(manualScenario());
+  simulation.advance(1.5);
+  ASSERT_GT(simulation.snapshot().force_n, 100.0);
+  simulation.tare();
+  simulation.advance(0.1);
+  EXPECT_NEAR(simulation.snapshot().force_n, 0.0, 1e-6);
+  EXPECT_GT(simulation.snapshot().tension_n, 100.0);
+}
+
+TEST(FoldFaults, UnlockedCollectorGivesWayUnderIceAndSaysSo) {
+  Scenario s = smallScenario();
+  s.collector.fault = FoldFault::kNoLock;
+  s.collector.unlocked_holding_moment_nm = 20.0;
+  s.procedure.control = ControlMode::kScripted;
+  Simulation simulation(s);
+  const StatusFlags flags = simulation.advance(10.0).flags;
+  EXPECT_TRUE(flags.has(StatusFlag::kFoldUnlocked));
+  EXPECT_GT(simulation.snapshot().rig.fold_ratio, 1.2);
+  EXPECT_LT(simulation.snapshot().rig.arm_angle_rad, 0.0);
+}
+
+TEST(NumericalGuard, NonFiniteStateFreezesTheWorldAndSaysSo) {
+  Scenario s = smallScenario();
+  s.contact.min_stiffness_npm = 1.0e12;  // legal, and far beyond what the time step can follow
+  Simulation simulation(s);
+  const StatusFlags flags = simulation.advance(11.0).flags;
+  ASSERT_TRUE(simulation.frozen());
+  EXPECT_TRUE(flags.has(StatusFlag::kNonFinite));
+  EXPECT_TRUE(simulation.finished());
+  const std::uint64_t hash = simulation.stateHash();
+  const double time = simulation.snapshot().time_s;
+  EXPECT_TRUE(simulation.advance(1.0).flags.has(StatusFlag::kNonFinite));
+  EXPECT_EQ(simulation.stateHash(), hash);
+  EXPECT_EQ(simulation.snapshot().time_s, time);
+  for (const float z : simulation.particles().z_m) EXPECT_TRUE(std::isfinite(z));
+  EXPECT_TRUE(std::isfinite(simulation.snapshot().force_n));
+}
+
+TEST(Simulation, RefusesAnInvalidScenario) {
+  Scenario s = smallScenario();
+  s.collector.radius_m = 5.0;
+  EXPECT_THROW(Simulation{s}, ConfigError);
+}
+
+TEST(Status, EachFlagHasANameAndARemedy) {
+  StatusFlags all;
+  for (std::uint32_t bit = 0; bit <= 10; ++bit) all.set(static_cast<StatusFlag>(1u << bit));
+  const std::vector<StatusFlag> flags = activeFlags(all);
+  ASSERT_EQ(flags.size(), 11u);
+  for (const StatusFlag flag : flags) {
+    EXPECT_NE(std::string(statusName(flag)), "unknown");
+    EXPECT_GT(std::string(statusRemedy(flag)).size(), 20u);
+  }
+}
+
+}  // namespace
+}  // namespace brash_ice_rig

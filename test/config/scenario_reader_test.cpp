@@ -191,7 +191,7 @@ TEST(EachKey, WithWordsOrSwitchRefusesOtherWords) {
   const KeyLister keys{Scenario{}};
   ASSERT_FALSE(keys.words.empty());
   ASSERT_FALSE(keys.switches.empty());
-  for (const std::string& key : keys.words) {
+  for (const auto& [key, allowed] : keys.words) {
     EXPECT_EQ(refusalOfSetting(key + "=None").rfind("--set: " + key + " = None, must be ", 0), 0u) << key;
   }
   for (const std::string& key : keys.switches) {

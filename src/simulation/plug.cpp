@@ -15,9 +15,9 @@ double discRadius(std::size_t count, double spacing_m) {
 
 }  // namespace
 
-PlugState computePlug(const std::vector<Eigen::Vector3d>& site_m, const std::vector<Eigen::Vector3d>& position_m,
+PlugSummary computePlug(const std::vector<Eigen::Vector3d>& site_m, const std::vector<Eigen::Vector3d>& position_m,
                       double spacing_m, double particle_mass_kg) {
-  PlugState plug;
+  PlugSummary plug;
   std::vector<std::size_t> raised;
   for (std::size_t i = 0; i < position_m.size(); ++i) {
     if (isRaised(site_m[i], position_m[i], spacing_m)) raised.push_back(i);

@@ -326,7 +326,7 @@ Snapshot Simulation::snapshot() const {
   snapshot.rig.arm_angle_rad = world.collector.armAngle();
   snapshot.rig.locked = world.collector.locked();
 
-  ForceComponents& c = snapshot.components;
+  ForceBalance& c = snapshot.components;
   c.weight_n = world.collector.weight();
   c.buoyancy_n = world.collector.buoyancy(world.hubHeight(), world.scenario.water.density_kgpm3);
   c.ice_normal_n = -world.contact_sum.normal_n.z();
@@ -382,7 +382,7 @@ ParticleCloud Simulation::particles() const {
   return cloud;
 }
 
-PlugState Simulation::plug() const {
+PlugSummary Simulation::plug() const {
   return computePlug(impl_->site, impl_->ice.position(), impl_->scenario.field.spacing_m, impl_->ice.particleMass());
 }
 

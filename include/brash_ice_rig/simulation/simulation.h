@@ -53,7 +53,7 @@ class Simulation {
 
   Snapshot snapshot() const;
   ParticleCloud particles() const;
-  PlugState plug() const;
+  PlugSummary plug() const;
 
   /// The script has come to its end (never in manual control), or the world is frozen.
   bool finished() const;

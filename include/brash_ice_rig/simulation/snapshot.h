@@ -19,7 +19,7 @@ const char* stageName(Stage stage);
 /// tension = weight - buoyancy + ice_normal + ice_friction + inertia.
 /// Those on the plug follow Fig. 4 of the paper: plug_friction is what the plug's own weight, buoyancy and drag leave of
 /// the ice force, i.e. what the surrounding ice adds by friction and cohesion (and, while the plug accelerates, inertia).
-struct ForceComponents {
+struct ForceBalance {
   double weight_n = 0.0;          ///< collector and pole, > 0
   double buoyancy_n = 0.0;        ///< of collector and pole, > 0
   double ice_normal_n = 0.0;      ///< ice on net and pole, normal part, > 0 down
@@ -44,7 +44,7 @@ struct RigState {
 };
 
 /// The ice that the collector has raised by more than one spacing.
-struct PlugState {
+struct PlugSummary {
   double lifted_mass_kg = 0.0;
   std::size_t raised_particles = 0;
   double radius_at_waterline_m = 0.0;  ///< of a disc with the raised ice's section at z = 0; 0: none there
@@ -61,7 +61,7 @@ struct Snapshot {
   double tension_n = 0.0;         ///< the truth behind it
   Eigen::Vector3d load_cell_force_n = Eigen::Vector3d::Zero();  ///< reading in x, y, and z = force_n
   Eigen::Vector3d ice_force_n = Eigen::Vector3d::Zero();        ///< of the ice on net and pole, frame map
-  ForceComponents components;
+  ForceBalance components;
   RigState rig;
   double kinetic_energy_j = 0.0;
   StatusFlags flags;

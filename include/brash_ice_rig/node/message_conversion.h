@@ -1,0 +1,57 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <geometry_msgs/TwistStamped.h>
+#include <geometry_msgs/WrenchStamped.h>
+#include <ros/time.h>
+#include <sensor_msgs/JointState.h>
+#include <sensor_msgs/PointCloud2.h>
+#include <visualization_msgs/MarkerArray.h>
+
+#include "brash_ice_rig/CraneState.h"
+#include "brash_ice_rig/ForceComponents.h"
+#include "brash_ice_rig/PlugState.h"
+#include "brash_ice_rig/SimStatus.h"
+#include "brash_ice_rig/config/scenario.h"
+#include "brash_ice_rig/simulation/snapshot.h"
+
+// From the core's structs to messages. Units and signs are those of the core; only headers are added.
+namespace brash_ice_rig {
+
+/// Stamp and prefix that all messages of one instant share.
+struct Stamp {
+  ros::Time time;
+  std::string frame_prefix;
+
+  std_msgs::Header header(const char* frame) const;
+};
+
+/// Force that the crane exerts on the rig at the load cell, N, axes of the frame load_cell: z > 0 when the rig pulls
+/// down on the crane. The cell measures no torque: zero.
+geometry_msgs::WrenchStamped toWrench(const Stamp& stamp, const Eigen::Vector3d& force_n);
+
+/// The same force without sensor errors.
+Eigen::Vector3d trueLoadCellForce(const Snapshot& snapshot);
+
+ForceComponents toForceComponents(const Stamp& stamp, const Snapshot& snapshot);
+PlugState toPlugState(const Stamp& stamp, double time_s, const PlugSummary& plug);
+CraneState toCraneState(const Stamp& stamp, const Snapshot& snapshot);
+
+/// Velocity of the crane tip after limits, frame crane_tip, whose axes are those of map.
+geometry_msgs::TwistStamped toCommandOut(const Stamp& stamp, const RigState& rig);
+
+/// Values of the URDF's moving joints (rig_urdf.h). Effort of the hoist: tension, N.
+sensor_msgs::JointState toJointState(const Stamp& stamp, const Snapshot& snapshot);
+
+/// Unpadded points of eight float32: x y z speed pressure plastic_strain damage submerged; frame map, SI.
+sensor_msgs::PointCloud2 toPointCloud(const Stamp& stamp, const ParticleCloud& particles);
+
+/// Water plane, net, force arrow and text for rviz.
+visualization_msgs::MarkerArray toMarkers(const Stamp& stamp, const Scenario& scenario, const Snapshot& snapshot);
+
+/// Fills flags, flag_names and remedies.
+void setFlags(StatusFlags flags, SimStatus& status);
+
+}  // namespace brash_ice_rig

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <chrono>
+#include <optional>
+#include <string>
+
+#include "brash_ice_rig/output/run_writer.h"
+#include "brash_ice_rig/output/vtk_writer.h"
+#include "brash_ice_rig/simulation/simulation.h"
+
+namespace brash_ice_rig {
+
+/// The files of one run from start or reset to its end: those of RunWriter, VTK snapshots if the scenario asks for them,
+/// and a force-time plot.
+class RunFiles {
+ public:
+  /// @throws OutputError
+  RunFiles(const Simulation& simulation, const std::string& directory);
+
+  /// After each load-cell sample. @throws OutputError
+  void write(const Simulation& simulation, const Snapshot& snapshot, StatusFlags raised);
+
+  /// Writes the summary and prints it on stdout with the paths of the files.
+  /// @param compute_s  wall time spent in the simulation, s
+  /// @throws OutputError
+  void finish(const Simulation& simulation, double compute_s, bool interrupted);
+
+  const std::string& directory() const { return writer_.directory(); }
+
+ private:
+  RunWriter writer_;
+  std::optional<VtkWriter> vtk_;
+  double next_vtk_s_;
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+/// Draws the force-time plot of a finished run with the program plot_force that lies beside this one and that prints the
+/// picture's path on stdout. Takes seconds. A plot that fails is reported on stderr and does no harm.
+void plotRun(const std::string& directory);
+
+}  // namespace brash_ice_rig

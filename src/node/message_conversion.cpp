@@ -1,0 +1,274 @@
+#include "brash_ice_rig/node/message_conversion.h"
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+
+#include "brash_ice_rig/node/topic_names.h"
+
+namespace brash_ice_rig {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+
+constexpr bool sameBit(std::uint32_t message_value, StatusFlag flag) {
+  return message_value == static_cast<std::uint32_t>(flag);
+}
+static_assert(sameBit(SimStatus::OVERLOAD, StatusFlag::kOverload), "SimStatus.msg and status.h differ");
+static_assert(sameBit(SimStatus::COMMAND_TIMEOUT, StatusFlag::kCommandTimeout), "SimStatus.msg and status.h differ");
+static_assert(sameBit(SimStatus::SPEED_LIMITED, StatusFlag::kSpeedLimited), "SimStatus.msg and status.h differ");
+static_assert(sameBit(SimStatus::TRAVEL_LIMIT, StatusFlag::kTravelLimit), "SimStatus.msg and status.h differ");
+static_assert(sameBit(SimStatus::COMMAND_REJECTED, StatusFlag::kCommandRejected), "SimStatus.msg and status.h differ");
+static_assert(sameBit(SimStatus::COMMAND_IGNORED, StatusFlag::kCommandIgnored), "SimStatus.msg and status.h differ");
+static_assert(sameBit(SimStatus::MULTIPLE_COMMANDERS, StatusFlag::kMultipleCommanders),
+              "SimStatus.msg and status.h differ");
+static_assert(sameBit(SimStatus::FOLD_JAMMED, StatusFlag::kFoldJammed), "SimStatus.msg and status.h differ");
+static_assert(sameBit(SimStatus::FOLD_UNLOCKED, StatusFlag::kFoldUnlocked), "SimStatus.msg and status.h differ");
+static_assert(sameBit(SimStatus::CONTACT_SATURATED, StatusFlag::kContactSaturated),
+              "SimStatus.msg and status.h differ");
+static_assert(sameBit(SimStatus::NON_FINITE, StatusFlag::kNonFinite), "SimStatus.msg and status.h differ");
+
+geometry_msgs::Vector3 toVector(const Eigen::Vector3d& vector) {
+  geometry_msgs::Vector3 message;
+  message.x = vector.x();
+  message.y = vector.y();
+  message.z = vector.z();
+  return message;
+}
+
+geometry_msgs::Point makePoint(double x, double y, double z) {
+  geometry_msgs::Point point;
+  point.x = x;
+  point.y = y;
+  point.z = z;
+  return point;
+}
+
+std_msgs::ColorRGBA makeColor(float r, float g, float b, float a) {
+  std_msgs::ColorRGBA color;
+  color.r = r;
+  color.g = g;
+  color.b = b;
+  color.a = a;
+  return color;
+}
+
+visualization_msgs::Marker makeMarker(const std_msgs::Header& header, const char* name, int type,
+                                      const std_msgs::ColorRGBA& color) {
+  visualization_msgs::Marker marker;
+  marker.header = header;
+  marker.ns = name;
+  marker.type = type;
+  marker.action = visualization_msgs::Marker::ADD;
+  marker.pose.orientation.w = 1.0;
+  marker.scale.x = marker.scale.y = marker.scale.z = 1.0;
+  marker.color = color;
+  return marker;
+}
+
+/// Eight triangles between the hub and neighbouring arm tips, in the frame of the hub.
+visualization_msgs::Marker makeNet(const std_msgs::Header& header, const CollectorConfig& collector,
+                                   const RigState& rig) {
+  auto net = makeMarker(header, "net", visualization_msgs::Marker::TRIANGLE_LIST, makeColor(1.0F, 0.45F, 0.1F, 0.55F));
+  const double arm_length_m = std::hypot(collector.radius_m, collector.rim_height_m);
+  const double reach_m = arm_length_m * std::cos(rig.arm_angle_rad);
+  const double height_m = arm_length_m * std::sin(rig.arm_angle_rad);
+  const auto tip = [&](int arm) {
+    const double azimuth_rad = arm * 2.0 * kPi / kArmCount;
+    return makePoint(reach_m * std::cos(azimuth_rad), reach_m * std::sin(azimuth_rad), height_m);
+  };
+  for (int arm = 0; arm < kArmCount; ++arm) {
+    net.points.push_back(makePoint(0.0, 0.0, 0.0));
+    net.points.push_back(tip(arm));
+    net.points.push_back(tip(arm + 1));
+  }
+  return net;
+}
+
+}  // namespace
+
+std_msgs::Header Stamp::header(const char* frame) const {
+  std_msgs::Header header;
+  header.stamp = time;
+  header.frame_id = frame_prefix + frame;
+  return header;
+}
+
+geometry_msgs::WrenchStamped toWrench(const Stamp& stamp, const Eigen::Vector3d& force_n) {
+  geometry_msgs::WrenchStamped wrench;
+  wrench.header = stamp.header(frames::kLoadCell);
+  wrench.wrench.force = toVector(force_n);
+  return wrench;
+}
+
+Eigen::Vector3d trueLoadCellForce(const Snapshot& snapshot) {
+  return {snapshot.ice_force_n.x(), snapshot.ice_force_n.y(), snapshot.tension_n};
+}
+
+ForceComponents toForceComponents(const Stamp& stamp, const Snapshot& snapshot) {
+  const ForceBalance& part = snapshot.components;
+  ForceComponents message;
+  message.header = stamp.header(frames::kMap);
+  message.time_s = snapshot.time_s;
+  message.tension_n = snapshot.tension_n;
+  message.weight_n = part.weight_n;
+  message.buoyancy_n = part.buoyancy_n;
+  message.ice_normal_n = part.ice_normal_n;
+  message.ice_friction_n = part.ice_friction_n;
+  message.inertia_n = part.inertia_n;
+  message.plug_gravity_n = part.plug_gravity_n;
+  message.plug_buoyancy_n = part.plug_buoyancy_n;
+  message.plug_drag_n = part.plug_drag_n;
+  message.plug_friction_n = part.plug_friction_n;
+  message.ice_force_n = toVector(snapshot.ice_force_n);
+  return message;
+}
+
+PlugState toPlugState(const Stamp& stamp, double time_s, const PlugSummary& plug) {
+  PlugState message;
+  message.header = stamp.header(frames::kMap);
+  message.time_s = time_s;
+  message.lifted_mass_kg = plug.lifted_mass_kg;
+  message.raised_particles = static_cast<std::uint32_t>(plug.raised_particles);
+  message.radius_at_waterline_m = plug.radius_at_waterline_m;
+  message.radius_at_top_m = plug.radius_at_top_m;
+  message.hole_sites = static_cast<std::uint32_t>(plug.hole_sites);
+  message.hole_refill_ratio = plug.hole_refill_ratio;
+  return message;
+}
+
+CraneState toCraneState(const Stamp& stamp, const Snapshot& snapshot) {
+  const RigState& rig = snapshot.rig;
+  CraneState message;
+  message.header = stamp.header(frames::kMap);
+  message.stage = stageName(snapshot.stage);
+  message.time_s = snapshot.time_s;
+  message.position_m = makePoint(rig.crane_position_m.x(), rig.crane_position_m.y(), rig.crane_position_m.z());
+  message.velocity_mps = toVector(rig.crane_velocity_mps);
+  message.commanded_velocity_mps = toVector(rig.commanded_velocity_mps);
+  message.hoist_position_m = rig.hoist_position_m;
+  message.fold_ratio = rig.fold_ratio;
+  message.fold_target = rig.fold_target;
+  message.arm_angle_rad = rig.arm_angle_rad;
+  message.locked = rig.locked;
+  message.command_timed_out = snapshot.flags.has(StatusFlag::kCommandTimeout);
+  message.speed_limited = snapshot.flags.has(StatusFlag::kSpeedLimited);
+  message.travel_limited = snapshot.flags.has(StatusFlag::kTravelLimit);
+  return message;
+}
+
+geometry_msgs::TwistStamped toCommandOut(const Stamp& stamp, const RigState& rig) {
+  geometry_msgs::TwistStamped message;
+  message.header = stamp.header(frames::kCraneTip);
+  message.twist.linear = toVector(rig.commanded_velocity_mps);
+  return message;
+}
+
+sensor_msgs::JointState toJointState(const Stamp& stamp, const Snapshot& snapshot) {
+  const RigState& rig = snapshot.rig;
+  sensor_msgs::JointState message;
+  message.header.stamp = stamp.time;
+  message.name = {joints::kBoomX, joints::kBoomY, joints::kHoist};
+  message.position = {rig.crane_position_m.x(), rig.crane_position_m.y(), rig.hoist_position_m};
+  message.velocity = {rig.crane_velocity_mps.x(), rig.crane_velocity_mps.y(), rig.crane_velocity_mps.z()};
+  message.effort = {0.0, 0.0, snapshot.tension_n};
+  for (const char* arm : joints::kArms) {
+    message.name.emplace_back(arm);
+    message.position.push_back(rig.arm_angle_rad);
+    message.velocity.push_back(0.0);
+    message.effort.push_back(0.0);
+  }
+  return message;
+}
+
+sensor_msgs::PointCloud2 toPointCloud(const Stamp& stamp, const ParticleCloud& particles) {
+  struct Column {
+    const char* name;
+    const std::vector<float>& values;
+  };
+  const std::array<Column, 8> columns = {{{"x", particles.x_m},
+                                          {"y", particles.y_m},
+                                          {"z", particles.z_m},
+                                          {"speed", particles.speed_mps},
+                                          {"pressure", particles.pressure_pa},
+                                          {"plastic_strain", particles.plastic_strain},
+                                          {"damage", particles.damage},
+                                          {"submerged", particles.submerged}}};
+  sensor_msgs::PointCloud2 cloud;
+  cloud.header = stamp.header(frames::kMap);
+  cloud.height = 1;
+  cloud.width = static_cast<std::uint32_t>(particles.size());
+  cloud.point_step = static_cast<std::uint32_t>(columns.size() * sizeof(float));
+  cloud.row_step = cloud.width * cloud.point_step;
+  cloud.is_bigendian = false;
+  cloud.is_dense = true;
+  cloud.data.resize(cloud.row_step);
+  for (std::size_t c = 0; c < columns.size(); ++c) {
+    assert(columns[c].values.size() == particles.size());
+    sensor_msgs::PointField field;
+    field.name = columns[c].name;
+    field.offset = static_cast<std::uint32_t>(c * sizeof(float));
+    field.datatype = sensor_msgs::PointField::FLOAT32;
+    field.count = 1;
+    cloud.fields.push_back(field);
+    std::uint8_t* target = cloud.data.data() + field.offset;
+    for (const float value : columns[c].values) {
+      std::memcpy(target, &value, sizeof(float));
+      target += cloud.point_step;
+      if (!std::isfinite(value)) cloud.is_dense = false;
+    }
+  }
+  return cloud;
+}
+
+visualization_msgs::MarkerArray toMarkers(const Stamp& stamp, const Scenario& scenario, const Snapshot& snapshot) {
+  using visualization_msgs::Marker;
+  visualization_msgs::MarkerArray array;
+
+  // Wider than the ice, so that a rim of open water frames the field.
+  Marker water = makeMarker(stamp.header(frames::kMap), "water", Marker::CUBE, makeColor(0.1F, 0.35F, 0.6F, 0.35F));
+  water.scale.x = 1.2 * scenario.field.length_x_m;
+  water.scale.y = 1.2 * scenario.field.length_y_m;
+  water.scale.z = 0.01;
+  array.markers.push_back(water);
+
+  array.markers.push_back(makeNet(stamp.header(frames::kCollector), scenario.collector, snapshot.rig));
+
+  // The pull of the rig on the crane: down from the load cell, 1 m for 10 kN.
+  constexpr double kMetresPerNewton = 1.0e-4;
+  const double length_m = kMetresPerNewton * snapshot.force_n;
+  Marker arrow =
+      makeMarker(stamp.header(frames::kLoadCell), "force", Marker::ARROW, makeColor(0.9F, 0.1F, 0.1F, 1.0F));
+  arrow.scale.x = 0.12;
+  arrow.scale.y = 0.3;
+  arrow.scale.z = 0.35;
+  arrow.points.push_back(makePoint(0.0, 0.0, 0.0));
+  arrow.points.push_back(makePoint(0.0, 0.0, std::isfinite(length_m) ? -length_m : 0.0));
+  array.markers.push_back(arrow);
+
+  Marker text = makeMarker(stamp.header(frames::kLoadCell), "text", Marker::TEXT_VIEW_FACING,
+                           makeColor(1.0F, 1.0F, 1.0F, 1.0F));
+  text.scale.z = 0.5;
+  text.pose.position.z = 1.1;
+  char line[96];
+  std::snprintf(line, sizeof line, "%s  t = %.1f s\n%.1f kN", stageName(snapshot.stage), snapshot.time_s,
+                1.0e-3 * snapshot.force_n);
+  text.text = line;
+  array.markers.push_back(text);
+  return array;
+}
+
+void setFlags(StatusFlags flags, SimStatus& status) {
+  status.flags = flags.bits();
+  status.flag_names.clear();
+  status.remedies.clear();
+  for (const StatusFlag flag : activeFlags(flags)) {
+    status.flag_names.emplace_back(statusName(flag));
+    status.remedies.emplace_back(statusRemedy(flag));
+  }
+}
+
+}  // namespace brash_ice_rig

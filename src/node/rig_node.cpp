@@ -1,0 +1,547 @@
+#include "brash_ice_rig/node/rig_node.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <limits>
+#include <thread>
+#include <utility>
+
+#include <rosgraph_msgs/Clock.h>
+#include <std_msgs/String.h>
+
+#include "brash_ice_rig/node/topic_names.h"
+#include "brash_ice_rig/version.h"
+
+namespace brash_ice_rig {
+namespace {
+
+constexpr double kFirstStamp_s = 1.0;    // ROS takes time 0 for "no clock yet"
+constexpr double kIdleCreep_s = 1.0e-6;  // see publishIdleFrame()
+constexpr double kLongestStep_s = 3600.0;
+constexpr double kCommandLogInterval_s = 2.0;
+constexpr std::chrono::seconds kCommanderMemory{1};  // wall time for which a sender of commands counts as active
+
+bool isFinite(const geometry_msgs::Vector3& vector) {
+  return std::isfinite(vector.x) && std::isfinite(vector.y) && std::isfinite(vector.z);
+}
+
+/// True for every n-th sample, where n makes the rate nearest to the one asked for.
+bool isDue(std::uint64_t sample, double sample_period_s, double rate_hz) {
+  const auto every = static_cast<std::uint64_t>(std::max(1.0, std::round(1.0 / (rate_hz * sample_period_s))));
+  return sample % every == 0;
+}
+
+double secondsBetween(std::chrono::steady_clock::time_point from, std::chrono::steady_clock::time_point to) {
+  return std::chrono::duration<double>(to - from).count();
+}
+
+}  // namespace
+
+RigNode::RigNode(const NodeOptions& options, const ros::NodeHandle& node, const ros::NodeHandle& private_node)
+    : options_(options),
+      scenario_(loadScenario(options.sources)),
+      simulation_(std::make_unique<Simulation>(scenario_)),
+      pacer_(options.real_time_factor),
+      paused_(options.start_paused),
+      node_(node),
+      private_node_(private_node) {
+  steps_per_sample_ =
+      static_cast<std::uint64_t>(std::max(1L, std::lround(simulation_->samplePeriod() / simulation_->timeStep())));
+  clock_offset_s_ = kFirstStamp_s - simulation_->snapshot().time_s;
+  startRun();
+
+  if (options_.publish_clock) clock_publisher_ = node_.advertise<rosgraph_msgs::Clock>(topics::kClock, 10);
+  wrench_publisher_ = node_.advertise<geometry_msgs::WrenchStamped>(topics::kWrench, 100);
+  true_wrench_publisher_ = node_.advertise<geometry_msgs::WrenchStamped>(topics::kTrueWrench, 100);
+  components_publisher_ = node_.advertise<ForceComponents>(topics::kForceComponents, 100);
+  points_publisher_ = node_.advertise<sensor_msgs::PointCloud2>(topics::kIcePoints, 2);
+  plug_publisher_ = node_.advertise<PlugState>(topics::kPlugState, 10);
+  command_out_publisher_ = node_.advertise<geometry_msgs::TwistStamped>(topics::kCraneCommandOut, 50);
+  crane_publisher_ = node_.advertise<CraneState>(topics::kCraneState, 10);
+  status_publisher_ = node_.advertise<SimStatus>(topics::kSimStatus, 10);
+  joints_publisher_ = node_.advertise<sensor_msgs::JointState>(topics::kJointStates, 50);
+  markers_publisher_ = node_.advertise<visualization_msgs::MarkerArray>(topics::kMarkers, 2);
+  scenario_publisher_ = node_.advertise<std_msgs::String>(topics::kScenario, 1, true);
+  std_msgs::String scenario_text;
+  scenario_text.data = std::string("# brash_ice_rig ") + kVersion + "\n" + toYaml(scenario_);
+  scenario_publisher_.publish(scenario_text);
+
+  crane_subscriber_ = node_.subscribe<geometry_msgs::TwistStamped>(
+      topics::kCraneCommand, 1,
+      boost::function<void(const ros::MessageEvent<geometry_msgs::TwistStamped const>&)>(
+          [this](const ros::MessageEvent<geometry_msgs::TwistStamped const>& event) { onCraneCommand(event); }));
+  fold_subscriber_ = node_.subscribe<std_msgs::Float64>(
+      topics::kFoldCommand, 1, boost::function<void(const std_msgs::Float64::ConstPtr&)>(
+                                   [this](const std_msgs::Float64::ConstPtr& message) { onFoldCommand(*message); }));
+
+  advertiseTrigger(private_node_, services::kPause, [this] { return ask([this] { return pause(); }); });
+  advertiseTrigger(private_node_, services::kResume, [this] { return ask([this] { return resume(); }); });
+  advertiseTrigger(private_node_, services::kReset, [this] { return ask([this] { return reset(); }); });
+  advertiseTrigger(node_, services::kTare, [this] { return tare(); });
+  services_.push_back(private_node_.advertiseService<Step::Request, Step::Response>(
+      services::kStep,
+      boost::function<bool(Step::Request&, Step::Response&)>([this](Step::Request& request, Step::Response& response) {
+        const double duration_s = request.duration_s;
+        const Answer answer = ask([this, duration_s] { return step(duration_s); });
+        response.success = answer.success;
+        response.message = answer.message;
+        return true;
+      })));
+
+  addDiagnostics();
+  if (options_.publish_clock) warnAboutForeignClock();
+  bool use_sim_time = false;
+  if (!ros::param::get("/use_sim_time", use_sim_time) || !use_sim_time) {
+    ROS_WARN("/use_sim_time is not set, but all stamps are simulation time: set it before starting other nodes, as "
+             "pull_up.launch does");
+  }
+}
+
+RigNode::~RigNode() = default;
+
+// ----------------------------------------------------------------------------------------------- callback threads
+
+void RigNode::advertiseTrigger(ros::NodeHandle& node, const char* name, std::function<Answer()> work) {
+  using std_srvs::Trigger;
+  services_.push_back(node.advertiseService<Trigger::Request, Trigger::Response>(
+      name, boost::function<bool(Trigger::Request&, Trigger::Response&)>(
+                [work = std::move(work)](Trigger::Request&, Trigger::Response& response) {
+                  const Answer answer = work();
+                  response.success = answer.success;
+                  response.message = answer.message;
+                  return true;
+                })));
+}
+
+RigNode::Answer RigNode::ask(std::function<Answer()> work) {
+  std::future<Answer> answer;
+  {
+    const std::lock_guard<std::mutex> lock(request_mutex_);
+    if (closed_) return {false, "the node is shutting down"};
+    requests_.push_back({std::move(work), {}});
+    answer = requests_.back().answer.get_future();
+  }
+  request_arrived_.notify_one();
+  return answer.get();
+}
+
+void RigNode::onCraneCommand(const ros::MessageEvent<geometry_msgs::TwistStamped const>& event) {
+  const geometry_msgs::TwistStamped& command = *event.getConstMessage();
+  Eigen::Vector3d velocity(command.twist.linear.x, command.twist.linear.y, command.twist.linear.z);
+  const std::string& frame = command.header.frame_id;
+  const bool known_frame = frame.empty() || frame == options_.frame_prefix + frames::kMap ||
+                           frame == options_.frame_prefix + frames::kCraneTip;
+  // Nobody can tell which of two drivers means it: the crane obeys neither and stops.
+  if (countCommanders(event.getPublisherName()) > 1) {
+    ROS_WARN_STREAM_THROTTLE(kCommandLogInterval_s, "more than one node commands " << topics::kCraneCommand
+                                                        << "; refused a command from " << event.getPublisherName());
+    velocity.setZero();
+  } else if (!known_frame || !isFinite(command.twist.angular)) {
+    ROS_WARN_STREAM_THROTTLE(kCommandLogInterval_s, "refused a command on " << topics::kCraneCommand << " in frame \""
+                                                                            << frame << "\"; must be in "
+                                                                            << frames::kCraneTip << " or "
+                                                                            << frames::kMap << " and finite");
+    command_refused_ = true;
+    velocity.setZero();
+  }
+  const std::lock_guard<std::mutex> lock(simulation_mutex_);
+  simulation_->setCraneVelocity(velocity);
+}
+
+std::size_t RigNode::countCommanders(const std::string& speaker) {
+  const auto now = WallClock::now();
+  const std::lock_guard<std::mutex> lock(commanders_mutex_);
+  if (!speaker.empty()) commanders_[speaker] = now;
+  for (auto commander = commanders_.begin(); commander != commanders_.end();) {
+    commander = now - commander->second > kCommanderMemory ? commanders_.erase(commander) : std::next(commander);
+  }
+  return commanders_.size();
+}
+
+void RigNode::onFoldCommand(const std_msgs::Float64& message) {
+  const std::lock_guard<std::mutex> lock(simulation_mutex_);
+  simulation_->setFoldTarget(message.data);
+}
+
+RigNode::Answer RigNode::tare() {
+  const std::lock_guard<std::mutex> lock(simulation_mutex_);
+  simulation_->tare();
+  return {true, "zero from the next sample on"};
+}
+
+// ---------------------------------------------------------------------------------------------- simulation thread
+
+int RigNode::run() {
+  try {
+    simulateUntilEnd();
+  } catch (...) {
+    refuseRequests();  // or the callback threads wait for ever
+    throw;
+  }
+  refuseRequests();
+  finishRun(scenario_.procedure.control == ControlMode::kScripted && !script_done_);
+  if (plot_.valid()) plot_.wait();
+  if (ros::ok()) {
+    publishStatus(WallClock::now());
+    // Publishing only queues: give the last messages the time to leave.
+    std::this_thread::sleep_for(std::chrono::milliseconds(200));
+  }
+  return failed_ ? 1 : 0;
+}
+
+void RigNode::simulateUntilEnd() {
+  const auto status_period =
+      std::chrono::duration_cast<WallClock::duration>(std::chrono::duration<double>(1.0 / options_.status_rate_hz));
+  last_diagnostics_ = WallClock::now();
+  next_status_ = last_diagnostics_;
+  pacer_.restart(last_diagnostics_);
+
+  while (ros::ok()) {
+    serveRequests();
+    const auto now = WallClock::now();
+    if (now >= next_status_) {
+      publishStatus(now);
+      if (idle()) publishIdleFrame();
+      next_status_ = now + status_period;
+    }
+    if (!script_done_ && simulation_->finished()) {
+      script_done_ = true;
+      failed_ = failed_ || simulation_->frozen();
+      finishRun(false);
+      if (options_.exit_at_end) return;
+    }
+    const bool running = !idle();
+    if (running && now >= pacer_.due()) {
+      advance(stepsToNextSample());
+      continue;
+    }
+    std::unique_lock<std::mutex> lock(request_mutex_);
+    request_arrived_.wait_until(lock, running ? std::min(pacer_.due(), next_status_) : next_status_,
+                                [this] { return !requests_.empty(); });
+  }
+}
+
+void RigNode::serveRequests() {
+  for (;;) {
+    std::unique_lock<std::mutex> lock(request_mutex_);
+    if (requests_.empty()) return;
+    Request request = std::move(requests_.front());
+    requests_.pop_front();
+    lock.unlock();
+    try {
+      request.answer.set_value(request.work());
+    } catch (const std::exception& error) {  // no memory or no disk for another run: the rig goes on without
+      ROS_ERROR("%s", error.what());
+      request.answer.set_value({false, error.what()});
+    }
+  }
+}
+
+void RigNode::refuseRequests() {
+  const std::lock_guard<std::mutex> lock(request_mutex_);
+  closed_ = true;
+  for (Request& request : requests_) request.answer.set_value({false, "the node is shutting down"});
+  requests_.clear();
+}
+
+RigNode::Answer RigNode::pause() {
+  if (paused_) return {false, "is paused already"};
+  paused_ = true;
+  next_status_ = WallClock::now();
+  return {true, "paused"};
+}
+
+RigNode::Answer RigNode::resume() {
+  if (simulation_->frozen()) return {false, "the world is frozen by a non-finite state; call ~reset"};
+  if (!paused_) return {false, "is not paused"};
+  paused_ = false;
+  pacer_.restart(WallClock::now());
+  next_status_ = WallClock::now();
+  return {true, "resumed"};
+}
+
+RigNode::Answer RigNode::reset() {
+  auto fresh = std::make_unique<Simulation>(scenario_);
+  const double last_stamp_s = clock_offset_s_ + simulation_->snapshot().time_s;
+  finishRun(!script_done_ && scenario_.procedure.control == ControlMode::kScripted);
+  {
+    const std::lock_guard<std::mutex> lock(simulation_mutex_);
+    simulation_ = std::move(fresh);
+  }
+  clock_offset_s_ = last_stamp_s + simulation_->samplePeriod() - simulation_->snapshot().time_s;
+  script_done_ = false;
+  raised_ = StatusFlags();
+  startRun();
+  pacer_.restart(WallClock::now());
+  next_status_ = WallClock::now();
+  return {true, paused_ ? "back at the start, paused" : "back at the start"};
+}
+
+RigNode::Answer RigNode::step(double duration_s) {
+  char text[160];
+  if (!paused_) return {false, "is running; call ~pause before ~step"};
+  if (simulation_->frozen()) return {false, "the world is frozen by a non-finite state; call ~reset"};
+  if (!(duration_s > 0.0 && duration_s <= kLongestStep_s)) {
+    std::snprintf(text, sizeof text, "duration_s = %g, must lie in (0, %g]", duration_s, kLongestStep_s);
+    return {false, text};
+  }
+  const auto wanted =
+      static_cast<std::uint64_t>(std::max(1LL, std::llround(duration_s / simulation_->timeStep())));
+  std::uint64_t done = 0;
+  pacer_.restart(WallClock::now());
+  while (done < wanted && ros::ok() && !simulation_->frozen()) {
+    const std::uint64_t steps = std::min(wanted - done, stepsToNextSample());
+    advance(steps);
+    done += steps;
+  }
+  publishIdleFrame();
+  next_status_ = WallClock::now();
+  std::snprintf(text, sizeof text, "%llu steps, %g s; time is %.6g s", static_cast<unsigned long long>(done),
+                static_cast<double>(done) * simulation_->timeStep(), simulation_->snapshot().time_s);
+  return {done == wanted && !simulation_->frozen(), text};
+}
+
+void RigNode::startRun() {
+  ++run_number_;
+  compute_s_ = 0.0;
+  printed_second_ = std::numeric_limits<std::int64_t>::min();
+  statistics_.emplace(simulation_->samplePeriod());
+  if (options_.output_dir.empty()) return;
+  std::string directory = std::filesystem::absolute(options_.output_dir).lexically_normal().string();
+  // A reset must not wipe what the run before it has left.
+  if (run_number_ > 1) directory += "/run_" + std::to_string(run_number_);
+  files_.emplace(*simulation_, directory);
+}
+
+void RigNode::finishRun(bool interrupted) {
+  if (!files_) return;
+  try {
+    files_->finish(*simulation_, compute_s_, interrupted);
+    plot_ = std::async(std::launch::async, plotRun, files_->directory());
+  } catch (const OutputError& error) {
+    ROS_ERROR("%s", error.what());
+    failed_ = true;
+  }
+  files_.reset();
+}
+
+std::uint64_t RigNode::stepsToNextSample() const {
+  return steps_per_sample_ - simulation_->stepCount() % steps_per_sample_;
+}
+
+void RigNode::advance(std::uint64_t steps) {
+  const double duration_s = static_cast<double>(steps) * simulation_->timeStep();
+  const auto before = WallClock::now();
+  const StepReport report = simulation_->advance(duration_s);
+  const auto after = WallClock::now();
+  compute_s_ += secondsBetween(before, after);
+  pacer_.book(duration_s, report.steps, after);
+  raised_ |= report.flags;
+  if (simulation_->stepCount() % steps_per_sample_ != 0 || simulation_->frozen()) return;
+
+  const Snapshot snapshot = simulation_->snapshot();
+  publishSample(snapshot);
+  if (!script_done_) printProgress(snapshot);
+  if (snapshot.time_s > -0.5 * simulation_->samplePeriod() && snapshot.stage != Stage::kDone) {
+    statistics_->add(snapshot.time_s, snapshot.force_n);
+  }
+  if (!files_) return;
+  try {
+    files_->write(*simulation_, snapshot, report.flags);
+  } catch (const OutputError& error) {
+    ROS_ERROR("%s; this run is not recorded any further", error.what());
+    files_.reset();
+    failed_ = true;
+  }
+}
+
+Stamp RigNode::stamp(double time_s) const {
+  Stamp stamp;
+  stamp.time.fromSec(clock_offset_s_ + time_s);
+  stamp.frame_prefix = options_.frame_prefix;
+  return stamp;
+}
+
+void RigNode::publishSample(const Snapshot& snapshot) {
+  const Stamp now = stamp(snapshot.time_s);
+  const double period_s = simulation_->samplePeriod();
+  ++sample_index_;
+  ++samples_since_diagnostics_;
+  publishClock(now);  // first: whoever gets the others finds its clock there already
+  wrench_publisher_.publish(toWrench(now, snapshot.load_cell_force_n));
+  true_wrench_publisher_.publish(toWrench(now, trueLoadCellForce(snapshot)));
+  components_publisher_.publish(toForceComponents(now, snapshot));
+  if (isDue(sample_index_, period_s, options_.joints_rate_hz)) publishJoints(now, snapshot);
+  if (isDue(sample_index_, period_s, options_.state_rate_hz)) publishStates(now, snapshot);
+  if (isDue(sample_index_, period_s, options_.points_rate_hz)) publishPoints(now);
+  if (isDue(sample_index_, period_s, options_.markers_rate_hz)) publishMarkers(now, snapshot);
+}
+
+void RigNode::publishIdleFrame() {
+  // A node or rviz that joins a resting rig wants the clock and the transforms, but tf2 complains about a second
+  // transform with the stamp of the first. So time creeps on by a microsecond; load-cell samples are not repeated.
+  clock_offset_s_ += kIdleCreep_s;
+  const Snapshot snapshot = simulation_->snapshot();
+  const Stamp now = stamp(snapshot.time_s);
+  publishClock(now);
+  publishJoints(now, snapshot);
+  publishStates(now, snapshot);
+  publishPoints(now);
+  publishMarkers(now, snapshot);
+}
+
+void RigNode::publishClock(const Stamp& now) {
+  if (!options_.publish_clock) return;
+  rosgraph_msgs::Clock clock;
+  clock.clock = now.time;
+  clock_publisher_.publish(clock);
+}
+
+void RigNode::publishJoints(const Stamp& now, const Snapshot& snapshot) {
+  joints_publisher_.publish(toJointState(now, snapshot));
+  command_out_publisher_.publish(toCommandOut(now, snapshot.rig));
+}
+
+void RigNode::publishStates(const Stamp& now, const Snapshot& snapshot) {
+  crane_publisher_.publish(toCraneState(now, snapshot));
+  plug_publisher_.publish(toPlugState(now, snapshot.time_s, simulation_->plug()));
+}
+
+void RigNode::publishPoints(const Stamp& now) {
+  if (points_publisher_.getNumSubscribers() == 0) return;
+  points_publisher_.publish(boost::make_shared<sensor_msgs::PointCloud2>(toPointCloud(now, simulation_->particles())));
+}
+
+void RigNode::publishMarkers(const Stamp& now, const Snapshot& snapshot) {
+  if (markers_publisher_.getNumSubscribers() == 0) return;
+  markers_publisher_.publish(toMarkers(now, scenario_, snapshot));
+}
+
+void RigNode::publishStatus(WallClock::time_point now) {
+  const Snapshot snapshot = simulation_->snapshot();
+  StatusFlags flags = raised_;
+  flags |= snapshot.flags;
+  if (command_refused_.exchange(false)) flags.set(StatusFlag::kCommandRejected);
+  if (countCommanders() > 1) flags.set(StatusFlag::kMultipleCommanders);
+  if (!idle() && pacer_.overloaded(now)) flags.set(StatusFlag::kOverload);
+  raised_ = StatusFlags();
+
+  const std::uint32_t flags_before = status_.flags;
+  status_.header = stamp(snapshot.time_s).header(frames::kMap);
+  status_.stage = stageName(snapshot.stage);
+  status_.time_s = snapshot.time_s;
+  status_.real_time_factor = idle() ? 0.0 : pacer_.achievedFactor(now);
+  status_.real_time_factor_target = pacer_.targetFactor();
+  status_.step_rate_hz = idle() ? 0.0 : pacer_.stepRate(now);
+  status_.time_step_s = simulation_->timeStep();
+  status_.step_count = simulation_->stepCount();
+  status_.particle_count = static_cast<std::uint32_t>(simulation_->particleCount());
+  status_.kinetic_energy_j = snapshot.kinetic_energy_j;
+  status_.peak_force_n = statistics_->empty() ? 0.0 : statistics_->peak();
+  status_.peak_time_s = statistics_->empty() ? 0.0 : statistics_->peakTime();
+  status_.paused = paused_;
+  status_.finished = simulation_->finished();
+  status_.frozen = simulation_->frozen();
+  setFlags(flags, status_);
+  status_publisher_.publish(status_);
+
+  StatusFlags news;
+  for (const StatusFlag flag : activeFlags(flags)) {
+    if ((flags_before & static_cast<std::uint32_t>(flag)) == 0) news.set(flag);
+  }
+  for (const StatusFlag flag : activeFlags(news)) {
+    ROS_WARN("%s: %s (t = %.2f s, real-time factor %.2f)", statusName(flag), statusRemedy(flag), snapshot.time_s,
+             status_.real_time_factor);
+  }
+  if (secondsBetween(last_diagnostics_, now) >= 1.0) publishDiagnostics(now);
+}
+
+void RigNode::printProgress(const Snapshot& snapshot) {
+  const auto second = static_cast<std::int64_t>(std::floor(snapshot.time_s + 0.5 * simulation_->samplePeriod()));
+  if (second == printed_second_) return;
+  printed_second_ = second;
+  std::printf("%-7s t %6.1f s   hub %+6.3f m   force %7.2f kN   real-time factor %.2f\n", stageName(snapshot.stage),
+              snapshot.time_s, snapshot.rig.hoist_position_m, 1.0e-3 * snapshot.force_n,
+              pacer_.achievedFactor(WallClock::now()));
+  std::fflush(stdout);
+}
+
+// ----------------------------------------------------------------------------------------------------- diagnostics
+
+void RigNode::publishDiagnostics(WallClock::time_point now) {
+  sample_rate_hz_ = static_cast<double>(samples_since_diagnostics_) / secondsBetween(last_diagnostics_, now);
+  samples_since_diagnostics_ = 0;
+  last_diagnostics_ = now;
+  // Not update(): that one waits on ROS time, which stands still in a pause.
+  diagnostics_.force_update();
+}
+
+void RigNode::addDiagnostics() {
+  using diagnostic_msgs::DiagnosticStatus;
+  using diagnostic_updater::DiagnosticStatusWrapper;
+  const auto has = [this](StatusFlag flag) { return (status_.flags & static_cast<std::uint32_t>(flag)) != 0; };
+  diagnostics_.setHardwareID("brash_ice_rig " + std::string(kVersion));
+
+  diagnostics_.add("Real time", [this, has](DiagnosticStatusWrapper& report) {
+    if (has(StatusFlag::kOverload)) {
+      report.summary(DiagnosticStatus::WARN, statusRemedy(StatusFlag::kOverload));
+    } else {
+      report.summary(DiagnosticStatus::OK, paused_ ? "paused" : "keeps up");
+    }
+    report.add("Real-time factor", status_.real_time_factor);
+    report.add("Real-time factor asked for (0: as fast as it can)", status_.real_time_factor_target);
+    report.add("Steps per second", status_.step_rate_hz);
+    report.add("Time step (s)", status_.time_step_s);
+  });
+  diagnostics_.add("Numerics", [this, has](DiagnosticStatusWrapper& report) {
+    if (has(StatusFlag::kNonFinite)) {
+      report.summary(DiagnosticStatus::ERROR, statusRemedy(StatusFlag::kNonFinite));
+    } else if (has(StatusFlag::kContactSaturated)) {
+      report.summary(DiagnosticStatus::WARN, statusRemedy(StatusFlag::kContactSaturated));
+    } else {
+      report.summary(DiagnosticStatus::OK, "finite");
+    }
+    report.add("Kinetic energy of the ice (J)", status_.kinetic_energy_j);
+    report.add("Particles", status_.particle_count);
+    report.add("Steps", status_.step_count);
+  });
+  diagnostics_.add("Load cell", [this](DiagnosticStatusWrapper& report) {
+    const double expected_hz = pacer_.targetFactor() / simulation_->samplePeriod();
+    const bool slow = !idle() && sample_rate_hz_ < 0.95 * expected_hz;
+    report.summary(slow ? DiagnosticStatus::WARN : DiagnosticStatus::OK,
+                   slow ? "fewer samples per second of wall time than asked for" : "samples arrive");
+    report.add("Samples per second of wall time", sample_rate_hz_);
+    report.add("Samples per second of simulated time", 1.0 / simulation_->samplePeriod());
+  });
+  diagnostics_.add("Commands", [this, has](DiagnosticStatusWrapper& report) {
+    report.summary(DiagnosticStatus::OK,
+                   scenario_.procedure.control == ControlMode::kManual ? "manual control" : "script drives");
+    for (const StatusFlag flag : {StatusFlag::kCommandTimeout, StatusFlag::kCommandRejected,
+                                  StatusFlag::kCommandIgnored, StatusFlag::kMultipleCommanders}) {
+      if (has(flag)) report.mergeSummary(DiagnosticStatus::WARN, statusRemedy(flag));
+    }
+    report.add("Publishers of crane/cmd_vel", crane_subscriber_.getNumPublishers());
+    report.add("Timeout (simulated s)", scenario_.crane.command_timeout_s);
+  });
+}
+
+void RigNode::warnAboutForeignClock() const {
+  XmlRpc::XmlRpcValue request, response, payload;
+  request[0] = ros::this_node::getName();
+  if (!ros::master::execute("getSystemState", request, response, payload, false)) return;
+  XmlRpc::XmlRpcValue& publications = payload[0];
+  for (int i = 0; i < publications.size(); ++i) {
+    if (static_cast<std::string>(publications[i][0]) != topics::kClock) continue;
+    for (int j = 0; j < publications[i][1].size(); ++j) {
+      const auto name = static_cast<std::string>(publications[i][1][j]);
+      if (name == ros::this_node::getName()) continue;
+      ROS_WARN("%s publishes /clock too, so that time will jump: give one of the two ~publish_clock = false, or call "
+               "`rosnode cleanup` if that node is gone",
+               name.c_str());
+    }
+  }
+}
+
+}  // namespace brash_ice_rig

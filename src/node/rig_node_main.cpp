@@ -1,0 +1,37 @@
+// rig_node: the pull-up rig as a ROS node. Topics, services and parameters: doc/ros_api.md.
+// Exit codes: 0 done, 1 run failed, 2 bad input.
+
+#include <exception>
+#include <memory>
+
+#include <ros/ros.h>
+
+#include "brash_ice_rig/node/node_options.h"
+#include "brash_ice_rig/node/rig_node.h"
+
+int main(int argc, char** argv) {
+  using namespace brash_ice_rig;
+  ros::init(argc, argv, "rig_node");
+  try {
+    ros::NodeHandle node, private_node("~");
+    std::unique_ptr<RigNode> rig;
+    try {
+      rig = std::make_unique<RigNode>(readNodeOptions(private_node), node, private_node);
+    } catch (const ConfigError& error) {
+      ROS_FATAL("%s", error.what());
+      return 2;
+    } catch (const OutputError& error) {
+      ROS_FATAL("%s", error.what());
+      return 2;
+    }
+    // Two threads: a command must get through while a service waits for its answer.
+    ros::AsyncSpinner spinner(2);
+    spinner.start();
+    const int code = rig->run();
+    spinner.stop();
+    return code;
+  } catch (const std::exception& error) {
+    ROS_FATAL("%s", error.what());
+    return 1;
+  }
+}

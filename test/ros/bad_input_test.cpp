@@ -1,0 +1,78 @@
+#include <array>
+#include <cstdio>
+#include <string>
+
+#include <sys/wait.h>
+
+#include "test_support.h"
+
+namespace brash_ice_rig {
+namespace {
+
+const std::string kSmall = "_scenario:=" BRASH_ICE_SOURCE_DIR "/test/ros/small.yaml";
+
+struct BadInput {
+  const char* name;
+  std::string arguments;  ///< of rig_node
+  std::string key;        ///< must be named
+  std::string rule;       ///< must be stated
+};
+
+void PrintTo(const BadInput& input, std::ostream* out) { *out << input.name; }
+
+struct Outcome {
+  int exit_code = -1;
+  std::string text;
+};
+
+Outcome runCommand(const std::string& command) {
+  Outcome outcome;
+  FILE* pipe = popen((command + " 2>&1").c_str(), "r");
+  std::array<char, 512> line;
+  while (std::fgets(line.data(), line.size(), pipe) != nullptr) outcome.text += line.data();
+  const int status = pclose(pipe);
+  if (WIFEXITED(status)) outcome.exit_code = WEXITSTATUS(status);
+  return outcome;
+}
+
+class NodeInput : public testing::TestWithParam<BadInput> {};
+
+TEST_P(NodeInput, EndsTheNodeWithCode2AndNamesKeyAndRule) {
+  // A name for each: parameters stay on the server.
+  const Outcome outcome = runCommand("timeout 20 " RIG_NODE " __name:=rig_" + std::string(GetParam().name) + " " +
+                                     GetParam().arguments);
+  EXPECT_EQ(outcome.exit_code, 2) << outcome.text;
+  EXPECT_NE(outcome.text.find("FATAL"), std::string::npos) << outcome.text;
+  EXPECT_NE(outcome.text.find(GetParam().key), std::string::npos) << outcome.text;
+  EXPECT_NE(outcome.text.find(GetParam().rule), std::string::npos) << outcome.text;
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    BadInput, NodeInput,
+    testing::Values(
+        BadInput{"no_scenario", "", "/scenario", "must name a scenario file"},
+        BadInput{"missing_file", "_scenario:=/nonexistent.yaml", "/nonexistent.yaml", ""},
+        BadInput{"negative_factor", kSmall + " _real_time_factor:=-1", "real_time_factor", "must be a number in"},
+        BadInput{"factor_is_text", kSmall + " _real_time_factor:=fast", "real_time_factor", "must be a number in"},
+        BadInput{"factor_is_nan", kSmall + " _real_time_factor:=nan", "real_time_factor", "must be a number in"},
+        BadInput{"paused_is_number", kSmall + " _start_paused:=7", "start_paused", "must be true or false"},
+        BadInput{"zero_rate", kSmall + " _points_rate_hz:=0", "points_rate_hz", "must be a number in"},
+        BadInput{"misspelt", kSmall + " _real_time_facter:=1", "real_time_facter", "unknown parameter; known are:"},
+        BadInput{"slash_prefix", kSmall + " _frame_prefix:=/rig", "frame_prefix", "must not begin with a slash"},
+        BadInput{"working_dir", kSmall + " _working_dir:=/nonexistent", "working_dir", "must be a directory"},
+        BadInput{"output_dir", kSmall + " _output_dir:=/dev/null/run", "/dev/null/run", ""},
+        BadInput{"setting_out_of_range", kSmall + " _settings:=field.spacing_m=-1", "field.spacing_m", "must"},
+        BadInput{"unknown_setting", kSmall + " _settings:=field.spaceing_m=1", "field.spaceing_m", "field.spacing_m"},
+        BadInput{"missing_overlay", kSmall + " _overlays:=/nonexistent.yaml", "/nonexistent.yaml", ""}),
+    [](const testing::TestParamInfo<BadInput>& info) { return std::string(info.param.name); });
+
+TEST(UrdfInput, BadScenarioEndsTheProgramWithCode2) {
+  const Outcome outcome = runCommand(RIG_URDF " /nonexistent.yaml '' '' ''");
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_NE(outcome.text.find("/nonexistent.yaml"), std::string::npos) << outcome.text;
+}
+
+}  // namespace
+}  // namespace brash_ice_rig
+
+int main(int argc, char** argv) { return brash_ice_rig::runRosTest(argc, argv, "bad_input_test"); }

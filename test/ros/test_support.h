@@ -1,0 +1,98 @@
+#pragma once
+
+#include <chrono>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+#include <ros/ros.h>
+#include <std_srvs/Trigger.h>
+
+#include "brash_ice_rig/SimStatus.h"
+
+// What the node's tests share. Waiting is by wall time throughout: ROS time is the thing under test.
+namespace brash_ice_rig {
+
+constexpr char kNodeName[] = "rig_node";
+
+/// Handles callbacks until the condition holds. @return whether it came to hold in time
+inline bool waitFor(const std::function<bool()>& condition, double timeout_s = 15.0) {
+  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(timeout_s);
+  while (ros::ok()) {
+    ros::spinOnce();
+    if (condition()) return true;
+    if (std::chrono::steady_clock::now() > end) return false;
+    ros::WallDuration(0.001).sleep();
+  }
+  return false;
+}
+
+inline void spinFor(double wall_s) {
+  waitFor([] { return false; }, wall_s);
+}
+
+/// Keeps every message of a topic with the wall time of its arrival, s.
+template <class Message>
+class Listener {
+ public:
+  explicit Listener(const std::string& topic) {
+    subscriber_ = node_.subscribe<Message>(topic, 10000, [this](const boost::shared_ptr<Message const>& message) {
+      messages.push_back(*message);
+      arrivals_s.push_back(ros::SteadyTime::now().toSec());
+    });
+  }
+
+  /// Waits for a message that comes after this call and fulfils the condition.
+  bool waitForNew(const std::function<bool(const Message&)>& condition = [](const Message&) { return true; },
+                  double timeout_s = 15.0) {
+    std::size_t next = messages.size();
+    return waitFor(
+        [&] {
+          while (next < messages.size()) {
+            if (condition(messages[next++])) return true;
+          }
+          return false;
+        },
+        timeout_s);
+  }
+
+  void clear() {
+    messages.clear();
+    arrivals_s.clear();
+  }
+
+  std::vector<Message> messages;
+  std::vector<double> arrivals_s;
+
+ private:
+  ros::NodeHandle node_;
+  ros::Subscriber subscriber_;
+};
+
+/// Calls one of the node's Trigger services; name relative to the test, e.g. "rig_node/pause".
+inline std_srvs::Trigger::Response callTrigger(const std::string& name) {
+  std_srvs::Trigger trigger;
+  EXPECT_TRUE(ros::service::waitForService(name, 15000)) << name;
+  EXPECT_TRUE(ros::service::call(name, trigger)) << name;
+  return trigger.response;
+}
+
+/// Position of a flag's bit in flag_names and remedies, or -1 if it is not raised.
+inline int findFlag(const SimStatus& status, std::uint32_t flag) {
+  if ((status.flags & flag) == 0) return -1;
+  int index = 0;
+  for (std::uint32_t bit = 1; bit < flag; bit <<= 1) index += (status.flags & bit) != 0 ? 1 : 0;
+  return index;
+}
+
+inline bool hasFlag(const SimStatus& status, std::uint32_t flag) { return findFlag(status, flag) >= 0; }
+
+inline int runRosTest(int argc, char** argv, const char* name) {
+  testing::InitGoogleTest(&argc, argv);
+  ros::init(argc, argv, name);
+  ros::NodeHandle keep_ros_alive;
+  return RUN_ALL_TESTS();
+}
+
+}  // namespace brash_ice_rig

@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <exception>
 #include <filesystem>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -65,8 +66,7 @@ class Progress {
 
   void show(const Snapshot& snapshot) {
     const double wall_s = secondsSince(start_);
-    const bool new_stage = shown_stage_ != snapshot.stage;
-    if (!new_stage && wall_s - shown_wall_s_ < (terminal_ ? 0.1 : 2.0)) return;
+    if (snapshot.stage == shown_stage_ && wall_s - shown_wall_s_ < (terminal_ ? 0.1 : 2.0)) return;
     shown_wall_s_ = wall_s;
     shown_stage_ = snapshot.stage;
     std::fprintf(stderr, "%s%-7s t %7.2f s   hub %+6.2f m   force %8.0f N", terminal_ ? "\r" : "",
@@ -95,28 +95,8 @@ class Progress {
   bool terminal_;
   double settle_s_, total_s_;
   WallClock::time_point start_ = WallClock::now();
-  double shown_wall_s_ = 0.0;
-  std::optional<Stage> shown_stage_;
-};
-
-/// VTK snapshots at a fixed interval of simulated time, the start included.
-class VtkSeries {
- public:
-  VtkSeries(const std::string& directory, double interval_s) : writer_(directory), interval_s_(interval_s) {}
-
-  void write(const Simulation& simulation, const Snapshot& snapshot) {
-    // Half a sample, so that round-off in the time does not shift an instant to the next sample.
-    if (next_s_ && snapshot.time_s < *next_s_ - 0.5 * simulation.samplePeriod()) return;
-    writer_.write(snapshot.time_s, simulation.particles(), simulation.scenario().collector, snapshot.rig);
-    next_s_ = next_s_.value_or(snapshot.time_s) + interval_s_;
-  }
-
-  std::string collectionPath() const { return writer_.collectionPath(); }
-
- private:
-  VtkWriter writer_;
-  double interval_s_;
-  std::optional<double> next_s_;
+  double shown_wall_s_ = -std::numeric_limits<double>::infinity();
+  Stage shown_stage_ = Stage::kSettle;
 };
 
 int run(const ScenarioSources& sources, const std::string& directory) {
@@ -126,14 +106,14 @@ int run(const ScenarioSources& sources, const std::string& directory) {
   }
   Simulation simulation(scenario);
   RunWriter writer(simulation, directory);
-  std::optional<VtkSeries> vtk;
-  if (scenario.output.vtk_interval_s > 0.0) vtk.emplace(directory + "/vtk", scenario.output.vtk_interval_s);
+  std::optional<VtkWriter> vtk;
+  if (scenario.output.vtk_interval_s > 0.0) vtk.emplace(directory + "/vtk");
 
   std::signal(SIGINT, requestStop);
   std::signal(SIGTERM, requestStop);
   Progress progress(scenario);
   RunTiming timing;
-  if (vtk) vtk->write(simulation, simulation.snapshot());
+  if (vtk) vtk->writeIfDue(simulation, simulation.snapshot());
   const auto start = WallClock::now();
   while (!simulation.finished() && stop_requested == 0) {
     const auto before = WallClock::now();
@@ -141,7 +121,7 @@ int run(const ScenarioSources& sources, const std::string& directory) {
     timing.compute_s += secondsSince(before);
     const Snapshot snapshot = simulation.snapshot();
     writer.write(snapshot, report.flags);
-    if (vtk) vtk->write(simulation, snapshot);
+    if (vtk) vtk->writeIfDue(simulation, snapshot);
     progress.show(snapshot);
   }
   timing.wall_s = secondsSince(start);
@@ -188,12 +168,10 @@ int runProgram(int argc, char** argv) {
   CLI::App* run_command = app.add_subcommand("run", "Run a scenario; leave force.csv, scenario.yaml and summary.json");
   run_command->add_option("scenario", sources.file, "Scenario YAML")->required()->type_name("SCENARIO");
   run_command->add_option("--set", sources.settings, "Change one key; may be given many times")
-      ->expected(1)
-      ->take_all()
+      ->allow_extra_args(false)  // one value per --set, so that SCENARIO may follow
       ->type_name("SECTION.KEY=VALUE");
   run_command->add_option("--overlay", sources.overlays, "YAML with changed keys; may be given many times")
-      ->expected(1)
-      ->take_all()
+      ->allow_extra_args(false)
       ->type_name("FILE");
   run_command->add_option("--out", directory, "Directory for the results (default: name of the scenario + _run)")
       ->type_name("DIR");

@@ -1,5 +1,6 @@
 #include "brash_ice_rig/config/scenario_reader.h"
 
+#include <yaml-cpp/eventhandler.h>
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
@@ -292,6 +293,20 @@ void flatten(const YAML::Node& map, const std::string& prefix, const std::string
   }
 }
 
+/// Runs the parser over a document without keeping anything of it.
+class IgnoreEvents : public YAML::EventHandler {
+ public:
+  void OnDocumentStart(const YAML::Mark&) override {}
+  void OnDocumentEnd() override {}
+  void OnNull(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnAlias(const YAML::Mark&, YAML::anchor_t) override {}
+  void OnScalar(const YAML::Mark&, const std::string&, YAML::anchor_t, const std::string&) override {}
+  void OnSequenceStart(const YAML::Mark&, const std::string&, YAML::anchor_t, YAML::EmitterStyle::value) override {}
+  void OnSequenceEnd() override {}
+  void OnMapStart(const YAML::Mark&, const std::string&, YAML::anchor_t, YAML::EmitterStyle::value) override {}
+  void OnMapEnd() override {}
+};
+
 std::vector<Entry> readFile(const std::string& path) {
   std::error_code ignored;
   if (std::filesystem::is_directory(path, ignored)) throw ConfigError("", "", "is a directory, not a file", path);
@@ -299,23 +314,27 @@ std::vector<Entry> readFile(const std::string& path) {
   if (!in) throw ConfigError("", "", std::string("file cannot be read: ") + std::strerror(errno), path);
   const std::string text((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
 
-  std::vector<YAML::Node> documents;
+  YAML::Node root;
+  bool has_root = false;
+  bool has_more = false;
   try {
-    documents = YAML::LoadAll(text);
+    // Not LoadAll(): up to yaml-cpp 0.7 it finds documents without end in a text such as ",a".
+    std::istringstream stream(text);
+    YAML::Parser parser(stream);
+    IgnoreEvents ignore;
+    has_root = parser.HandleNextDocument(ignore);
+    has_more = has_root && parser.HandleNextDocument(ignore);
+    root = YAML::Load(text);
   } catch (const YAML::Exception& error) {
     throw ConfigError("", "", "not valid YAML: " + error.msg, path + ":" + std::to_string(error.mark.line + 1));
   }
-  if (documents.empty() || documents.front().IsNull()) throw ConfigError("", "", "file is empty", path);
-  if (documents.size() > 1) {
-    throw ConfigError("", "", "must hold a single YAML document",
-                      path + ":" + std::to_string(documents[1].Mark().line + 1));
+  if (!has_root) throw ConfigError("", "", "file is empty", path);
+  if (!root.IsMap()) {
+    throw ConfigError("", "", "must be a map of sections, such as `field:` with indented `spacing_m: 0.3`", path);
   }
-  if (!documents.front().IsMap()) {
-    throw ConfigError("", "", "must be a map of sections, such as `field:` with indented `spacing_m: 0.3`",
-                      path + ":" + std::to_string(documents.front().Mark().line + 1));
-  }
+  if (has_more) throw ConfigError("", "", "must hold a single YAML document", path);
   std::vector<Entry> entries;
-  flatten(documents.front(), "", path, entries);
+  flatten(root, "", path, entries);
   return entries;
 }
 

@@ -153,4 +153,11 @@ void VtkWriter::write(double time_s, const ParticleCloud& cloud, const Collector
   writeWhole(collectionPath(), vtkFile("Collection", body + "</Collection>\n"));
 }
 
+void VtkWriter::writeIfDue(const Simulation& simulation, const Snapshot& snapshot) {
+  // Half a sample, so that round-off in the time does not shift an instant to the next sample.
+  if (snapshot.time_s < due_s_ - 0.5 * simulation.samplePeriod()) return;
+  due_s_ = (times_s_.empty() ? snapshot.time_s : due_s_) + simulation.scenario().output.vtk_interval_s;
+  write(snapshot.time_s, simulation.particles(), simulation.scenario().collector, snapshot.rig);
+}
+
 }  // namespace brash_ice_rig

@@ -24,7 +24,7 @@ class KeyLister {
   explicit KeyLister(Scenario scenario) { scenario.visit(*this); }
 
   std::vector<Number> numbers;
-  std::vector<std::string> words;
+  std::map<std::string, std::string> words;  ///< key to its words, joined by commas
   std::vector<std::string> switches;
   std::map<std::string, std::string> values;
 
@@ -42,8 +42,9 @@ class KeyLister {
   }
   void operator()(const char* name, std::string& value, const char*) { values[section_ + name] = value; }
   template <class Enum>
-  void operator()(const char* name, Enum& value, std::initializer_list<const char*>, const char*) {
-    words.push_back(section_ + name);
+  void operator()(const char* name, Enum& value, std::initializer_list<const char*> allowed, const char*) {
+    std::string& joined = words[section_ + name];
+    for (const char* word : allowed) joined += (joined.empty() ? "" : ", ") + std::string(word);
     values[section_ + name] = std::to_string(static_cast<int>(value));
   }
   template <class Section>

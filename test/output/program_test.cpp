@@ -48,7 +48,8 @@ class ProgramTest : public ::testing::Test {
       "title: Small field\n"
       "field: {length_x_m: 3.0, length_y_m: 3.0, thickness_m: 0.6}\n"
       "collector: {radius_m: 0.6}\n"
-      "procedure: {settle_duration_s: 0.5, lift_duration_s: 1.5, hold_duration_s: 0.5}\n";
+      "procedure: {settle_duration_s: 0.5, lift_duration_s: 1.5, hold_duration_s: 0.5}\n"
+      "solver: {threads: 1}\n";
 
   Outcome program(const std::string& arguments) const {
     return runShell("cd '" + directory_.path() + "' && '" BRASH_ICE_PROGRAM "' " + arguments);
@@ -173,7 +174,7 @@ TEST_F(ProgramTest, SmallRunLeavesItsFiles) {
 }
 
 TEST_F(ProgramTest, EffectiveScenarioRepeatsTheRunBitForBit) {
-  ASSERT_EQ(program("run small.yaml --out first --set ice.cohesion_pa=150 --threads 1").exit_code, 0);
+  ASSERT_EQ(program("run small.yaml --out first --set ice.cohesion_pa=150").exit_code, 0);
   ASSERT_EQ(program("run first/scenario.yaml --out again").exit_code, 0);
   ASSERT_EQ(program("run first/scenario.yaml --out two_threads --threads 2").exit_code, 0);
   ASSERT_EQ(program("run small.yaml --out other").exit_code, 0);
@@ -201,10 +202,10 @@ TEST_F(ProgramTest, OverlaysAndSettingsMayBeRepeatedAndTheLastSettingWins) {
 TEST_F(ProgramTest, InterruptEndsTheRunCleanly) {
   const std::string run = directory_.file("run");
   std::string program = BRASH_ICE_PROGRAM;
-  std::string command = "run", out = "--out", set = "--set", duration = "procedure.lift_duration_s=3600";
-  std::string directory = run, scenario = scenario_;
-  char* arguments[] = {program.data(), command.data(), scenario.data(), out.data(),
-                       directory.data(), set.data(), duration.data(), nullptr};
+  std::string command = "run", out = "--out", set = "--set", duration = "procedure.lift_duration_s=3600",
+              speed = "procedure.lift_speed_mps=0.001", directory = run, scenario = scenario_;
+  char* arguments[] = {program.data(), command.data(), scenario.data(), out.data(), directory.data(),
+                       set.data(),     duration.data(), set.data(),     speed.data(), nullptr};
   pid_t pid = 0;
   ASSERT_EQ(posix_spawn(&pid, program.c_str(), nullptr, nullptr, arguments, environ), 0);
   // Rows reach the disk once per simulated second; the header alone is shorter than this.

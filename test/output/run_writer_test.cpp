@@ -24,6 +24,7 @@ Scenario smallScenario() {
   scenario.field.thickness_m = 0.6;
   scenario.collector.radius_m = 0.6;
   scenario.load_cell.rate_hz = 2.0;
+  scenario.solver.threads = 1;
   return scenario;
 }
 

@@ -1,10 +1,11 @@
 #pragma once
 
+#include <limits>
 #include <string>
 #include <vector>
 
 #include "brash_ice_rig/config/scenario.h"
-#include "brash_ice_rig/simulation/snapshot.h"
+#include "brash_ice_rig/simulation/simulation.h"
 
 namespace brash_ice_rig {
 
@@ -24,11 +25,15 @@ class VtkWriter {
   /// @throws OutputError
   void write(double time_s, const ParticleCloud& cloud, const CollectorConfig& collector, const RigState& rig);
 
+  /// write() at the first call and then every output.vtk_interval_s of simulated time. @throws OutputError
+  void writeIfDue(const Simulation& simulation, const Snapshot& snapshot);
+
   std::string collectionPath() const { return directory_ + "/run.pvd"; }
 
  private:
   std::string directory_;
   std::vector<double> times_s_;
+  double due_s_ = -std::numeric_limits<double>::infinity();
 };
 
 }  // namespace brash_ice_rig

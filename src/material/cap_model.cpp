@@ -1,0 +1,367 @@
+#include "brash_ice_rig/material/cap_model.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+
+#include "brash_ice_rig/ice/ice_scaling.h"
+
+namespace brash_ice_rig {
+namespace {
+
+constexpr std::size_t kTile = 128;             // particles per vectorised pass: all its arrays stay in the first cache
+constexpr double kTangentOnset = 1.0 - 1e-4;   // of W
+constexpr double kStressResolution = 5e-7;     // relative; stress lives in float between steps
+constexpr double kResidualTolerance = 1e-12;   // of f / F_f²
+constexpr double kBracketTolerance = 1e-14;    // of the trial's J1
+constexpr int kMaxIterations = 400;            // four times what halving a bracket to nothing takes
+constexpr double kSmallestLodeFactor = 0.499;  // lower bound of lodeFactor(), whose minimum is 0.4995
+
+float toFloat(double value) {
+  constexpr double kLargest = std::numeric_limits<float>::max();
+  return static_cast<float>(value > kLargest ? kLargest : value < -kLargest ? -kLargest : value);  // NaN passes
+}
+
+/// Strength at a Lode angle over strength in triaxial compression (Rubin 1991 in the form of Murray 2007), with
+/// Q1 in torsion and Q2 in triaxial extension. Its square root runs over a conic through the three points; eq. 11
+/// makes Q1 and Q2 independent of pressure.
+/// @param sin_3_beta  1 in triaxial compression, 0 in torsion, -1 in triaxial extension
+double lodeFactor(double sin_3_beta) {
+  constexpr double kTorsion = 0.7373 - 0.17;  // Q1 = alpha_1 - lambda_1
+  constexpr double kExtension = 0.66 - 0.16;  // Q2 = alpha_2 - lambda_2
+  static const double a = [] {
+    const double linear = std::sqrt(3.0) * kExtension + 2.0 * kTorsion * (kExtension - 1.0);
+    const double constant = 2.0 * kTorsion * kTorsion * (kExtension - 1.0);
+    return (std::sqrt(linear * linear - 4.0 * kExtension * constant) - linear) / (2.0 * kExtension);
+  }();
+  static const double b = (2.0 * kTorsion + a) * (2.0 * kTorsion + a) - 3.0;
+  const double beta = std::asin(std::clamp(sin_3_beta, -1.0, 1.0)) / 3.0;
+  const double sine = std::sin(beta);
+  const double skewed = std::cos(beta) - a * sine;
+  const double quadratic = skewed * skewed + b * sine * sine;
+  const double linear = a * skewed;
+  const double constant = -0.25 * (3.0 + b - a * a);
+  return (std::sqrt(linear * linear - 4.0 * quadratic * constant) - linear) / (2.0 * quadratic);
+}
+
+}  // namespace
+
+CapParameters makeCapParameters(const IceConfig& ice, double stiffness_scale) {
+  assert(stiffness_scale > 0.0);
+  const ElasticModuli moduli = computeElasticModuli(
+      stiffness_scale * computeBrashElasticModulus(ice.parent_elastic_modulus_pa, ice.void_fraction),
+      ice.poisson_ratio);
+  const ShearSurface surface = computeShearSurface(ice.cohesion_pa, ice.friction_angle_deg);
+  CapParameters result;
+  result.alpha_pa = ice.shear_constant_pa.value_or(surface.constant_pa);
+  result.theta = ice.shear_slope.value_or(surface.slope);
+  result.aspect_ratio = ice.cap_aspect_ratio;
+  result.initial_intercept_pa = ice.cap_initial_intercept_pa;
+  result.max_compaction = ice.cap_max_compaction;
+  result.d1_per_pa = ice.cap_hardening_linear_per_pa;
+  result.d2_per_pa2 = ice.cap_hardening_quadratic_per_pa2;
+  result.bulk_modulus_pa = moduli.bulk_pa;
+  result.shear_modulus_pa = moduli.shear_pa;
+  result.flow_rule = ice.flow_rule;
+  result.three_invariant = ice.three_invariant;
+  return result;
+}
+
+CapModel::CapModel(const CapParameters& parameters) : parameters_(parameters) {
+  const CapParameters& p = parameters_;
+  assert(p.alpha_pa > 0.0 && p.theta > 0.0 && p.aspect_ratio > 0.0 && p.initial_intercept_pa > 0.0);
+  assert(p.max_compaction > 0.0 && p.max_compaction < 1.0 && p.d1_per_pa > 0.0 && p.d2_per_pa2 >= 0.0);
+  assert(p.bulk_modulus_pa > 0.0 && p.shear_modulus_pa > 0.0);
+  apex_ = p.alpha_pa / p.theta;
+  width_ratio_ = p.aspect_ratio * p.theta / (1.0 + p.aspect_ratio * p.theta);
+  // Associated: the top of F_f sqrt(F_c), root of 2 theta t² + t / R - theta. Non-associated: where the cap starts.
+  const double inverse_ratio = 1.0 / p.aspect_ratio;
+  neutral_ = p.flow_rule == FlowRule::kNonAssociated
+                 ? 0.0
+                 : 2.0 * p.theta / (inverse_ratio + std::sqrt(inverse_ratio * inverse_ratio + 8.0 * p.theta * p.theta));
+  tangent_onset_ = std::numeric_limits<double>::infinity();
+  virgin_ = capWithIntercept(p.initial_intercept_pa, 0.0);
+  onset_ = capAt(kTangentOnset * p.max_compaction);
+  tangent_onset_ = kTangentOnset * p.max_compaction;
+}
+
+CapModel::Cap CapModel::capWithIntercept(double intercept, double hardening) const {
+  const double width = width_ratio_ * (intercept + apex_);
+  return {intercept, intercept - width, width, hardening};
+}
+
+CapModel::Cap CapModel::capAt(double compaction) const {
+  const CapParameters& p = parameters_;
+  if (!(compaction > 0.0)) return virgin_;
+  if (compaction >= tangent_onset_) {
+    return capWithIntercept(onset_.intercept + onset_.hardening * (compaction - tangent_onset_), onset_.hardening);
+  }
+  const double logarithm = -std::log(1.0 - compaction / p.max_compaction);
+  const double root = std::sqrt(p.d1_per_pa * p.d1_per_pa + 4.0 * p.d2_per_pa2 * logarithm);
+  return capWithIntercept(p.initial_intercept_pa + 2.0 * logarithm / (p.d1_per_pa + root),
+                          1.0 / ((p.max_compaction - compaction) * root));
+}
+
+double CapModel::shearStrength(double j1_pa, double compaction) const {
+  const Cap cap = capAt(compaction);
+  const double t = std::max(0.0, (j1_pa - cap.start) / cap.width);
+  return std::max(0.0, parameters_.alpha_pa + parameters_.theta * j1_pa) * std::sqrt(std::max(0.0, 1.0 - t * t));
+}
+
+/// Whether a trial stress lies inside the surface, but for what float stress and float compaction cannot resolve: a
+/// returned stress must count as elastic in the next step, or rest would creep.
+bool CapModel::isElastic(const Invariants& trial, double compaction, const Cap& cap) const {
+  const double resolution = kStressResolution * (parameters_.alpha_pa + std::abs(trial.j1));
+  const double cap_resolution =
+      resolution + std::numeric_limits<float>::epsilon() * std::max(0.0, compaction) * cap.hardening;
+  const double cone = parameters_.alpha_pa + parameters_.theta * trial.j1 + resolution;
+  const double t = std::max(0.0, (trial.j1 - cap_resolution - cap.start) / cap.width);
+  return cone >= 0.0 && trial.s * trial.s <= cone * cone * (1.0 - t * t);
+}
+
+/// Yield function along the flow rule, after a plastic compaction x.
+///
+/// With m = -dF²/dJ1 the flow gives x = 3 lambda m and s (1 + 2 G lambda) = s_tr. Both together with f = 0 read
+/// F_c D² - N² = 0 with D = 2 G x + 3 F_f h, N = 3 s_tr h, h = m / F_f. This form has no root of F_c and no division
+/// by h or F_f, so that it is smooth at the tip of the cap, at the neutral point and at the apex. On the far side of
+/// the neutral point h counts as 0, which makes the value positive and rules out roots with the wrong sign of x.
+CapModel::Residual CapModel::computeResidual(double increment, const Cap& cap, const Invariants& trial,
+                                             double shear) const {
+  const CapParameters& p = parameters_;
+  const double j1 = trial.j1 - 3.0 * p.bulk_modulus_pa * increment;
+  const double cone = p.alpha_pa + p.theta * j1;
+  const double cone_slope = -3.0 * p.bulk_modulus_pa * p.theta;
+  const double width_slope = width_ratio_ * cap.hardening;
+  const double inverse_width = 1.0 / cap.width;
+  const double t = (j1 - cap.start) * inverse_width;
+  const double t_slope = (-3.0 * p.bulk_modulus_pa - (cap.hardening - width_slope) - t * width_slope) * inverse_width;
+
+  const bool on_cap = t > 0.0;
+  const double shape = on_cap ? 1.0 - t * t : 1.0;
+  double f_c = shape, f_c_slope = on_cap ? -2.0 * t * t_slope : 0.0;
+  double h = 0.0, h_slope = 0.0;
+  const bool compacts = increment > 0.0 || (increment == 0.0 && t > neutral_);
+  if (compacts ? t > neutral_ : t < neutral_) {
+    if (on_cap) {
+      h = 2.0 * t * (1.0 / p.aspect_ratio + p.theta * t);
+      h_slope = 2.0 * (1.0 / p.aspect_ratio + 2.0 * p.theta * t) * t_slope;
+    }
+    if (p.flow_rule == FlowRule::kAssociated) {
+      h -= 2.0 * p.theta * shape;
+      h_slope -= 2.0 * p.theta * f_c_slope;
+    }
+  } else if (!compacts) {
+    f_c = 1.0 - neutral_ * neutral_;
+    f_c_slope = 0.0;
+  }
+  const double d = 2.0 * shear * increment + 3.0 * cone * h;
+  const double d_slope = 2.0 * shear + 3.0 * (cone_slope * h + cone * h_slope);
+  const double n = 3.0 * trial.s * h;
+  const double n_slope = 3.0 * trial.s * h_slope;
+  return {f_c * d * d - n * n,
+          f_c_slope * d * d + 2.0 * (f_c * d * d_slope - n * n_slope),
+          d * d,
+          {j1, cone * std::sqrt(std::max(0.0, shape))}};
+}
+
+/// Backward Euler return of a trial outside the surface, in the plane of J1 and s (both for Q = 1).
+/// @param shear      G, Pa, over Q²
+/// @param increment  out: plastic compaction x of this step
+CapModel::Invariants CapModel::returnToSurface(const Invariants& trial, double shear, double compaction, const Cap& cap,
+                                               double& increment) const {
+  const CapParameters& p = parameters_;
+  const double bulk_3 = 3.0 * p.bulk_modulus_pa;
+  const double trial_cone = p.alpha_pa + p.theta * trial.j1;
+  const double to_apex = (trial.j1 + apex_) / bulk_3;
+  const double trial_t = (trial.j1 - cap.start) / cap.width;
+
+  // The value is negative at `outside` and positive at `inside`, where J1 is at the neutral point of the old cap.
+  double outside = 0.0;
+  double inside = (trial.j1 - (cap.start + neutral_ * cap.width)) / bulk_3;
+  double x = 0.0;
+  Cap moved = cap;
+  if (!(trial_t > neutral_)) {
+    if (p.flow_rule == FlowRule::kNonAssociated) {
+      const bool beyond_apex = trial_cone <= 0.0;
+      increment = beyond_apex ? to_apex : 0.0;
+      return beyond_apex ? Invariants{-apex_, 0.0} : Invariants{trial.j1, trial_cone};
+    }
+    // On the cone alone the answer is explicit.
+    const double on_cone = -3.0 * p.theta * (trial.s - trial_cone) / (shear + 3.0 * bulk_3 * p.theta * p.theta);
+    if (on_cone < 0.0) {
+      const double j1 = trial.j1 - bulk_3 * on_cone;
+      const double cone = p.alpha_pa + p.theta * j1;
+      if (cone <= 0.0) {
+        increment = to_apex;
+        return {-apex_, 0.0};
+      }
+      moved = capAt(compaction + on_cone);
+      if (j1 <= moved.start) {
+        increment = on_cone;
+        return {j1, cone};
+      }
+    }
+    outside = std::min(0.0, to_apex);
+    x = on_cone;
+    if (!(x > inside && x < outside)) {
+      x = outside;
+      moved = capAt(compaction + x);
+    }
+  }
+
+  // Newton's method inside a bracket that halves at least every third time.
+  const double smallest_bracket = kBracketTolerance * (std::abs(trial.j1) + p.alpha_pa) / bulk_3;
+  double bracket_before = std::abs(inside - outside);
+  for (int i = 1; i <= kMaxIterations; ++i) {
+    const Residual residual = computeResidual(x, moved, trial, shear);
+    (residual.value < 0.0 ? outside : inside) = x;
+    const double bracket = std::abs(inside - outside);
+    if (std::abs(residual.value) <= kResidualTolerance * residual.scale || bracket <= smallest_bracket) {
+      increment = x;
+      return residual.stress;
+    }
+    x -= residual.value / residual.slope;
+    const bool slow = i % 3 == 0 && bracket > 0.5 * bracket_before;
+    if (i % 3 == 0) bracket_before = bracket;
+    if (slow || !((x - outside) * (x - inside) < 0.0)) x = 0.5 * (outside + inside);
+    moved = capAt(compaction + x);
+  }
+  assert(false);
+  increment = 0.0;
+  return {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::quiet_NaN()};
+}
+
+void CapModel::updateParticle(const MaterialBatch& batch, std::size_t i) const {
+  const CapParameters& p = parameters_;
+  double stress[kComponents], strain[kComponents];
+  for (std::size_t c = 0; c < kComponents; ++c) {
+    stress[c] = static_cast<double>(batch.stress[c][i]);
+    strain[c] = static_cast<double>(batch.strain_increment[c][i]);
+  }
+  const double volume_part = (p.bulk_modulus_pa - 2.0 / 3.0 * p.shear_modulus_pa) * (strain[0] + strain[1] + strain[2]);
+  for (std::size_t c = 0; c < kComponents; ++c) {
+    stress[c] += 2.0 * p.shear_modulus_pa * strain[c] + (c < 3 ? volume_part : 0.0);
+  }
+  const double j1 = -(stress[0] + stress[1] + stress[2]);
+  const double d[kComponents] = {
+      stress[0] + j1 / 3.0, stress[1] + j1 / 3.0, stress[2] + j1 / 3.0, stress[3], stress[4], stress[5]};
+  const double s = std::sqrt(0.5 * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) + d[3] * d[3] + d[4] * d[4] + d[5] * d[5]);
+  const double compaction = static_cast<double>(batch.state[0][i]);
+  if (!std::isfinite(j1 + s + compaction)) {
+    for (std::size_t c = 0; c < kComponents; ++c) batch.stress[c][i] = std::numeric_limits<float>::quiet_NaN();
+    return;
+  }
+
+  double factor = 1.0;
+  if (p.three_invariant && s > 0.0) {
+    const double e[kComponents] = {d[0] / s, d[1] / s, d[2] / s, d[3] / s, d[4] / s, d[5] / s};
+    const double determinant =
+        e[0] * (e[1] * e[2] - e[4] * e[4]) - e[3] * (e[3] * e[2] - e[4] * e[5]) + e[5] * (e[3] * e[4] - e[1] * e[5]);
+    factor = lodeFactor(-1.5 * std::sqrt(3.0) * determinant);
+  }
+
+  // Dividing s by Q and G by Q² turns the surface and its flow into those of Q = 1.
+  const Invariants trial{j1, s / factor};
+  const Cap cap = capAt(compaction);
+  if (isElastic(trial, compaction, cap)) {
+    for (std::size_t c = 0; c < kComponents; ++c) batch.stress[c][i] = toFloat(stress[c]);
+    return;
+  }
+  double increment = 0.0;
+  const Invariants returned =
+      returnToSurface(trial, p.shear_modulus_pa / (factor * factor), compaction, cap, increment);
+  const double new_s = std::min(s, factor * returned.s);
+  const double shrink = s > 0.0 ? new_s / s : 0.0;
+  for (std::size_t c = 0; c < kComponents; ++c) {
+    batch.stress[c][i] = toFloat(shrink * d[c] - (c < 3 ? returned.j1 / 3.0 : 0.0));
+  }
+  batch.state[0][i] = toFloat(std::max(0.0, compaction + increment));
+  batch.state[1][i] =
+      toFloat(static_cast<double>(batch.state[1][i]) + (s - new_s) / (std::sqrt(3.0) * p.shear_modulus_pa));
+}
+
+/// One vectorised pass of elastic predictor and yield check over a tile, then the exact one where that does not settle
+/// it. The check uses a lower bound of the cap's intercept that needs no logarithm; since the surface grows with
+/// X, what it calls elastic is elastic.
+void CapModel::updateTile(const MaterialBatch& batch, std::size_t begin, std::size_t count) const {
+  assert(count <= kTile);
+  const CapParameters& p = parameters_;
+  const float shear_2 = static_cast<float>(2.0 * p.shear_modulus_pa);
+  const float lame = static_cast<float>(p.bulk_modulus_pa - 2.0 / 3.0 * p.shear_modulus_pa);
+  const float alpha = static_cast<float>(p.alpha_pa), theta = static_cast<float>(p.theta);
+  const float apex = static_cast<float>(apex_), inverse_width_ratio = static_cast<float>(1.0 / width_ratio_);
+  const float initial_intercept = static_cast<float>(p.initial_intercept_pa * (1.0 - 1e-5));
+  const float inverse_max_compaction = static_cast<float>((1.0 - 1e-5) / p.max_compaction);
+  const float d1 = static_cast<float>(p.d1_per_pa), d2_per_d1 = static_cast<float>(p.d2_per_pa2 / p.d1_per_pa);
+  const float factor_2 = static_cast<float>(p.three_invariant ? kSmallestLodeFactor * kSmallestLodeFactor : 1.0);
+
+  std::array<const float*, kComponents> strain;
+  std::array<const float*, kComponents> stress;
+  for (std::size_t c = 0; c < kComponents; ++c) {
+    strain[c] = batch.strain_increment[c] + begin;
+    stress[c] = batch.stress[c] + begin;
+  }
+  const float* compaction = batch.state[0] + begin;
+  // A short tile is filled up, so that each particle takes the same instructions however a batch is split.
+  float padded[2 * kComponents + 1][kTile];
+  if (count < kTile) {
+    const auto pad = [count](const float*& source, float* copy) {
+      std::copy_n(source, count, copy);
+      std::fill(copy + count, copy + kTile, 0.0f);
+      source = copy;
+    };
+    for (std::size_t c = 0; c < kComponents; ++c) {
+      pad(strain[c], padded[c]);
+      pad(stress[c], padded[kComponents + c]);
+    }
+    pad(compaction, padded[2 * kComponents]);
+  }
+
+  float predicted[kComponents][kTile];
+  std::int32_t open[kTile];
+  for (std::size_t i = 0; i < kTile; ++i) {
+    const float volume_part = lame * (strain[0][i] + strain[1][i] + strain[2][i]);
+    const float xx = stress[0][i] + (shear_2 * strain[0][i] + volume_part);
+    const float yy = stress[1][i] + (shear_2 * strain[1][i] + volume_part);
+    const float zz = stress[2][i] + (shear_2 * strain[2][i] + volume_part);
+    const float xy = stress[3][i] + shear_2 * strain[3][i];
+    const float yz = stress[4][i] + shear_2 * strain[4][i];
+    const float zx = stress[5][i] + shear_2 * strain[5][i];
+    const float j1 = -(xx + yy + zz);
+    const float dx = xx + j1 * (1.0f / 3.0f), dy = yy + j1 * (1.0f / 3.0f), dz = zz + j1 * (1.0f / 3.0f);
+    const float j2 = 0.5f * (dx * dx + dy * dy + dz * dz) + (xy * xy + yz * yz + zx * zx);
+
+    // -ln(1 - u) > u (6 - u) / (6 - 4 u) on (0, 1), and y > l / (D1 + D2 l / D1) for the root y of eq. 12.
+    const float scaled = compaction[i] * inverse_max_compaction;
+    const float u = scaled > 1.0f ? 1.0f : scaled < 0.0f ? 0.0f : scaled;
+    const float numerator = u * (6.0f - u);
+    const float intercept = initial_intercept + numerator / ((6.0f - 4.0f * u) * d1 + d2_per_d1 * numerator);
+    const float raw_t = 1.0f - (intercept - j1) * inverse_width_ratio / (intercept + apex);
+    const float t = raw_t < 0.0f ? 0.0f : raw_t;
+    const float cone = alpha + theta * j1;
+    const bool elastic = (cone >= 0.0f) & (j2 <= factor_2 * (cone * cone) * (1.0f - t * t));
+
+    predicted[0][i] = elastic ? xx : stress[0][i];
+    predicted[1][i] = elastic ? yy : stress[1][i];
+    predicted[2][i] = elastic ? zz : stress[2][i];
+    predicted[3][i] = elastic ? xy : stress[3][i];
+    predicted[4][i] = elastic ? yz : stress[4][i];
+    predicted[5][i] = elastic ? zx : stress[5][i];
+    open[i] = elastic ? 0 : 1;
+  }
+  for (std::size_t c = 0; c < kComponents; ++c) std::copy_n(predicted[c], count, batch.stress[c] + begin);
+  for (std::size_t i = 0; i < count; ++i) {
+    if (open[i] != 0) updateParticle(batch, begin + i);
+  }
+}
+
+void CapModel::update(MaterialBatch& batch) const {
+  assert(batch.state.size() == stateNames().size());
+  for (std::size_t begin = 0; begin < batch.count; begin += kTile) {
+    updateTile(batch, begin, std::min(kTile, batch.count - begin));
+  }
+}
+
+}  // namespace brash_ice_rig

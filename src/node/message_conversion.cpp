@@ -30,6 +30,7 @@ static_assert(sameBit(SimStatus::FOLD_UNLOCKED, StatusFlag::kFoldUnlocked), "Sim
 static_assert(sameBit(SimStatus::CONTACT_SATURATED, StatusFlag::kContactSaturated),
               "SimStatus.msg and status.h differ");
 static_assert(sameBit(SimStatus::NON_FINITE, StatusFlag::kNonFinite), "SimStatus.msg and status.h differ");
+static_assert(sameBit(SimStatus::HOIST_SLACK, StatusFlag::kHoistSlack), "SimStatus.msg and status.h differ");
 
 geometry_msgs::Vector3 toVector(const Eigen::Vector3d& vector) {
   geometry_msgs::Vector3 message;

@@ -89,8 +89,7 @@ class Hash {
 struct Simulation::Impl {
   explicit Impl(const Scenario& s);
 
-  void beginStep();
-  void endStep();
+  void moveRig();
   void takeCommands();
   void updateForces();
   Eigen::Vector3d hubPosition() const;
@@ -211,20 +210,16 @@ void Simulation::Impl::updateForces() {
   pull.y() = contact_sum.total().y();
   pull.z() += collector.weight() - collector.buoyancy(hubHeight(), scenario.water.density_kgpm3) +
               collector.mass() * crane.acceleration().z();
+  if (pull.z() < 0.0) flags.set(StatusFlag::kHoistSlack);
   load_cell.step(time_step, pull);
 }
 
-void Simulation::Impl::beginStep() {
-  takeCommands();
-  updateForces();
-  if (!contact_sum.total().allFinite()) frozen = true;
-}
 
-void Simulation::Impl::endStep() {
-  if (!ice.finite()) {
-    frozen = true;
-    return;
-  }
+/// The second half of a step, after the ice has moved: the rig follows its orders, and the forces between the two are
+/// brought up to date. They hold for the ice in the next step, and what a snapshot shows belongs to one instant.
+void Simulation::Impl::moveRig() {
+  frozen = !ice.sound();
+  if (frozen) return;
   Eigen::Vector3d wanted = Eigen::Vector3d::Zero();
   const Procedure::Order order = procedure.step(time(), time_step, crane, collector, hubHeight());
   if (procedure.stage() == Stage::kManual) {
@@ -241,6 +236,7 @@ void Simulation::Impl::endStep() {
   crane.step(time_step, wanted, flags);
   collector.step(time_step, fold_target, contact_sum.opening_moment_nm, flags);
   ++step_count;
+  updateForces();
   if (step_count % steps_per_sample == 0) load_cell.sample();
 }
 
@@ -286,18 +282,16 @@ StepReport Simulation::advance(double duration_s) {
   // One team for all steps: opening one costs more than a barrier.
 #pragma omp parallel num_threads(world.scenario.solver.threads)
   for (std::int64_t step = 0; step < steps; ++step) {
-#pragma omp single
-    {
-      if (!world.frozen) world.beginStep();
-    }
     if (world.frozen) break;
+#pragma omp single
+    world.takeCommands();
     const double damping =
         world.step_count < world.settle_steps ? world.scenario.procedure.settle_damping_per_s : 0.0;
     world.ice.updateGradients();
     world.ice.updateStress(world.time_step);
     world.ice.updateMotion(world.time_step, damping, external);
 #pragma omp single
-    world.endStep();
+    world.moveRig();
   }
   if (world.frozen) world.flags.set(StatusFlag::kNonFinite);
 

@@ -7,7 +7,7 @@ constexpr StatusFlag kAllFlags[] = {
     StatusFlag::kOverload,       StatusFlag::kCommandTimeout, StatusFlag::kSpeedLimited,
     StatusFlag::kTravelLimit,    StatusFlag::kCommandRejected, StatusFlag::kCommandIgnored,
     StatusFlag::kMultipleCommanders, StatusFlag::kFoldJammed, StatusFlag::kFoldUnlocked,
-    StatusFlag::kContactSaturated, StatusFlag::kNonFinite};
+    StatusFlag::kContactSaturated, StatusFlag::kNonFinite, StatusFlag::kHoistSlack};
 
 }  // namespace
 
@@ -24,6 +24,7 @@ const char* statusName(StatusFlag flag) {
     case StatusFlag::kFoldUnlocked: return "fold_unlocked";
     case StatusFlag::kContactSaturated: return "contact_saturated";
     case StatusFlag::kNonFinite: return "non_finite";
+    case StatusFlag::kHoistSlack: return "hoist_slack";
   }
   return "unknown";
 }
@@ -60,8 +61,11 @@ const char* statusRemedy(StatusFlag flag) {
       return "Ice was pressed more than halfway through the net's contact layer, so the force is too low. Raise "
              "contact.min_stiffness_npm or contact.stiffness_ratio.";
     case StatusFlag::kNonFinite:
-      return "The state is not finite any more, so the world is frozen. Reset, with a smaller solver.cfl_ratio or "
-             "a lower contact stiffness.";
+      return "A particle's speed is not finite or beyond all bounds, so the world is frozen. Reset, with a smaller "
+             "solver.cfl_ratio, a lower contact stiffness or less viscosity.";
+    case StatusFlag::kHoistSlack:
+      return "The ice carries more than the rig weighs: a real rope would be slack, this one pushes. Lower more "
+             "slowly, or raise collector.mass_kg.";
   }
   return "";
 }

@@ -1,6 +1,7 @@
 #include "brash_ice_rig/sph/sph_body.h"
 
 #include <cmath>
+#include <limits>
 #include <random>
 
 #include <Eigen/Geometry>
@@ -315,15 +316,18 @@ TEST(SphBody, AFarFromOriginSlowMotionDoesNotStagnate) {
   EXPECT_NEAR(body.sph.position()[0].x(), 12.001, 1e-9);
 }
 
-TEST(SphBody, ForceThatIsNotFiniteIsCaughtAndTheStateStaysFinite) {
-  Body body(block(4, 4, 4, 0.0));
-  body.sph.updateGradients();
-  body.sph.updateStress(1e-3);
-  body.sph.updateMotion(1e-3, 0.0, [](std::size_t i) {
-    return Eigen::Vector4f(i == 5 ? std::nanf("") : 0.0f, 0.0f, 0.0f, 0.0f);
-  });
-  EXPECT_FALSE(body.sph.finite());
-  for (const auto& p : body.sph.position()) EXPECT_TRUE(p.allFinite());
+TEST(SphBody, ForceBeyondAllBoundsIsCaughtAndTheStateStaysFinite) {
+  for (const float force : {std::nanf(""), std::numeric_limits<float>::infinity(), 1.0e9f}) {
+    Body body(block(4, 4, 4, 0.0));
+    body.sph.updateGradients();
+    body.sph.updateStress(1e-3);
+    EXPECT_TRUE(body.sph.sound());
+    body.sph.updateMotion(1e-3, 0.0, [force](std::size_t i) {
+      return Eigen::Vector4f(i == 5 ? force : 0.0f, 0.0f, 0.0f, 0.0f);
+    });
+    EXPECT_FALSE(body.sph.sound());
+    for (const auto& p : body.sph.position()) EXPECT_TRUE(p.allFinite());
+  }
 }
 
 }  // namespace

@@ -111,7 +111,7 @@ enum class FoldFault { kNone, kJam, kNoLock };
 struct CollectorConfig {
   double radius_m = 1.3;
   double rim_height_m = 0.3;
-  double mass_kg = 150.0;
+  double mass_kg = 200.0;
   double displaced_volume_m3 = 0.02;
   double folded_arm_angle_deg = 80.0;
   double unfold_duration_s = 10.0;

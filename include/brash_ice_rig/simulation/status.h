@@ -19,6 +19,7 @@ enum class StatusFlag : std::uint32_t {
   kFoldUnlocked = 1u << 8,
   kContactSaturated = 1u << 9,
   kNonFinite = 1u << 10,
+  kHoistSlack = 1u << 11,
 };
 
 /// Set of StatusFlag.

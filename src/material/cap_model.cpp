@@ -11,12 +11,16 @@
 namespace brash_ice_rig {
 namespace {
 
-constexpr std::size_t kTile = 128;             // particles per vectorised pass: all its arrays stay in the first cache
-constexpr double kTangentOnset = 1.0 - 1e-4;   // of W
-constexpr double kStressResolution = 5e-7;     // relative; stress lives in float between steps
-constexpr double kResidualTolerance = 1e-12;   // of f / F_f²
-constexpr double kBracketTolerance = 1e-14;    // of the trial's J1
-constexpr int kMaxIterations = 400;            // four times what halving a bracket to nothing takes
+constexpr std::size_t kTile = 128;              // particles per vectorised pass: all its arrays stay in the first cache
+constexpr double kTangentOnset = 1.0 - 1e-4;    // of W
+constexpr double kStressResolution = 5e-7;      // relative; stress lives in float between steps
+constexpr double kCompactionResolution = 7e-8;  // relative; a little more than what rounding to float takes
+constexpr double kTipOfCap = 0.1;               // F_c below which the squared form of the residual is used
+constexpr double kResidualTolerance = 1e-9;     // of the strength sqrt(F_c)
+constexpr double kTipTolerance = 1e-14;         // of F_c
+constexpr double kBracketTolerance = 1e-14;     // of the trial's strain
+constexpr int kMaxNewtonSteps = 30;
+constexpr int kMaxIterations = 300;            // more than halving takes any bracket of doubles to its tolerance
 constexpr double kSmallestLodeFactor = 0.499;  // lower bound of lodeFactor(), whose minimum is 0.4995
 
 float toFloat(double value) {
@@ -114,8 +118,7 @@ double CapModel::shearStrength(double j1_pa, double compaction) const {
 /// returned stress must count as elastic in the next step, or rest would creep.
 bool CapModel::isElastic(const Invariants& trial, double compaction, const Cap& cap) const {
   const double resolution = kStressResolution * (parameters_.alpha_pa + std::abs(trial.j1));
-  const double cap_resolution =
-      resolution + std::numeric_limits<float>::epsilon() * std::max(0.0, compaction) * cap.hardening;
+  const double cap_resolution = resolution + kCompactionResolution * std::max(0.0, compaction) * cap.hardening;
   const double cone = parameters_.alpha_pa + parameters_.theta * trial.j1 + resolution;
   const double t = std::max(0.0, (trial.j1 - cap_resolution - cap.start) / cap.width);
   return cone >= 0.0 && trial.s * trial.s <= cone * cone * (1.0 - t * t);
@@ -124,9 +127,10 @@ bool CapModel::isElastic(const Invariants& trial, double compaction, const Cap& 
 /// Yield function along the flow rule, after a plastic compaction x.
 ///
 /// With m = -dF²/dJ1 the flow gives x = 3 lambda m and s (1 + 2 G lambda) = s_tr. Both together with f = 0 read
-/// F_c D² - N² = 0 with D = 2 G x + 3 F_f h, N = 3 s_tr h, h = m / F_f. This form has no root of F_c and no division
-/// by h or F_f, so that it is smooth at the tip of the cap, at the neutral point and at the apex. On the far side of
-/// the neutral point h counts as 0, which makes the value positive and rules out roots with the wrong sign of x.
+/// sqrt(F_c) D = N with D = 2 G x + 3 F_f h, N = 3 s_tr h, h = m / F_f, which divides by neither h nor F_f and so is
+/// smooth at the neutral point and at the apex. Near the tip of the cap, where the root of F_c is not smooth, the
+/// squares of both sides are compared. On the far side of the neutral point h counts as 0, which makes the value
+/// positive and rules out roots with the wrong sign of x.
 CapModel::Residual CapModel::computeResidual(double increment, const Cap& cap, const Invariants& trial,
                                              double shear) const {
   const CapParameters& p = parameters_;
@@ -160,10 +164,14 @@ CapModel::Residual CapModel::computeResidual(double increment, const Cap& cap, c
   const double d_slope = 2.0 * shear + 3.0 * (cone_slope * h + cone * h_slope);
   const double n = 3.0 * trial.s * h;
   const double n_slope = 3.0 * trial.s * h_slope;
-  return {f_c * d * d - n * n,
-          f_c_slope * d * d + 2.0 * (f_c * d * d_slope - n * n_slope),
-          d * d,
-          {j1, cone * std::sqrt(std::max(0.0, shape))}};
+  const Invariants stress{j1, cone * std::sqrt(std::max(0.0, shape))};
+  if (f_c < kTipOfCap) {
+    return {f_c * d * d - n * n, f_c_slope * d * d + 2.0 * (f_c * d * d_slope - n * n_slope),
+            (kResidualTolerance * std::max(0.0, f_c) + kTipTolerance) * d * d, stress};
+  }
+  const double root = std::sqrt(f_c), sign = compacts ? 1.0 : -1.0;
+  return {sign * (root * d - n), sign * (root * d_slope + 0.5 * f_c_slope / root * d - n_slope),
+          kResidualTolerance * root * std::abs(d), stress};
 }
 
 /// Backward Euler return of a trial outside the surface, in the plane of J1 and s (both for Q = 1).
@@ -211,21 +219,23 @@ CapModel::Invariants CapModel::returnToSurface(const Invariants& trial, double s
     }
   }
 
-  // Newton's method inside a bracket that halves at least every third time.
-  const double smallest_bracket = kBracketTolerance * (std::abs(trial.j1) + p.alpha_pa) / bulk_3;
-  double bracket_before = std::abs(inside - outside);
-  for (int i = 1; i <= kMaxIterations; ++i) {
+  // Newton's method inside the bracket. It ends on the residual, or where the bracket is as small as rounding allows;
+  // a step that does not halve the one before is replaced by a halving of the bracket, and late ones all are.
+  const double smallest_bracket =
+      kBracketTolerance * ((std::abs(trial.j1) + p.alpha_pa) / bulk_3 + std::max(std::abs(inside), std::abs(outside)));
+  double last_step = std::abs(inside - outside);
+  for (int i = 0; i < kMaxIterations; ++i) {
     const Residual residual = computeResidual(x, moved, trial, shear);
     (residual.value < 0.0 ? outside : inside) = x;
-    const double bracket = std::abs(inside - outside);
-    if (std::abs(residual.value) <= kResidualTolerance * residual.scale || bracket <= smallest_bracket) {
+    if (std::abs(residual.value) <= residual.tolerance || std::abs(inside - outside) <= smallest_bracket) {
       increment = x;
       return residual.stress;
     }
-    x -= residual.value / residual.slope;
-    const bool slow = i % 3 == 0 && bracket > 0.5 * bracket_before;
-    if (i % 3 == 0) bracket_before = bracket;
-    if (slow || !((x - outside) * (x - inside) < 0.0)) x = 0.5 * (outside + inside);
+    double next = x - residual.value / residual.slope;
+    const bool in_bracket = (next - outside) * (next - inside) < 0.0;
+    if (!in_bracket || std::abs(next - x) > 0.5 * last_step || i > kMaxNewtonSteps) next = 0.5 * (outside + inside);
+    last_step = std::abs(next - x);
+    x = next;
     moved = capAt(compaction + x);
   }
   assert(false);

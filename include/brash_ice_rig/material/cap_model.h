@@ -85,7 +85,7 @@ class CapModel : public Material {
     double s;   // sqrt(J2'), Pa
   };
   struct Residual {
-    double value, slope, scale;
+    double value, slope, tolerance;  // value < 0 outside the surface; slope by the increment
     Invariants stress;
   };
 

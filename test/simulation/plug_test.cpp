@@ -19,7 +19,7 @@ std::vector<Eigen::Vector3d> sites() {
 }
 
 TEST(Plug, IsEmptyInAnUndisturbedField) {
-  const PlugState plug = computePlug(sites(), sites(), kSpacing, kMass);
+  const PlugSummary plug = computePlug(sites(), sites(), kSpacing, kMass);
   EXPECT_EQ(plug.raised_particles, 0u);
   EXPECT_EQ(plug.lifted_mass_kg, 0.0);
   EXPECT_EQ(plug.hole_refill_ratio, 0.0);
@@ -33,7 +33,7 @@ TEST(Plug, CountsMassAndRadiiOfARaisedColumn) {
     if (p.z() == 0.0) ++columns;
     p.z() += 0.6;
   }
-  const PlugState plug = computePlug(sites(), moved, kSpacing, kMass);
+  const PlugSummary plug = computePlug(sites(), moved, kSpacing, kMass);
   EXPECT_EQ(plug.raised_particles, 2 * columns);
   EXPECT_NEAR(plug.lifted_mass_kg, 20.0 * static_cast<double>(columns), 1e-9);
   EXPECT_NEAR(plug.radius_at_top_m, kSpacing * std::sqrt(static_cast<double>(columns) / M_PI), 1e-9);

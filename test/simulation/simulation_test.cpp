@@ -118,7 +118,7 @@ TEST(PullUp, LoadRisesWithTheLiftAndThePlugComesAlong) {
   advanceTo(simulation, 8.0);
   EXPECT_GT(early, 0.0);
   EXPECT_GT(iceLoad(simulation), early);
-  const PlugState plug = simulation.plug();
+  const PlugSummary plug = simulation.plug();
   EXPECT_GT(plug.raised_particles, 0u);
   EXPECT_NEAR(plug.lifted_mass_kg, 9.72 * static_cast<double>(plug.raised_particles), 1e-6);
 }
@@ -127,7 +127,7 @@ TEST(PullUp, ComponentsAddUpToTheTension) {
   Simulation simulation(smallScenario());
   advanceTo(simulation, 6.0);
   const Snapshot now = simulation.snapshot();
-  const ForceComponents& c = now.components;
+  const ForceBalance& c = now.components;
   EXPECT_NEAR(now.tension_n, c.weight_n - c.buoyancy_n + c.ice_normal_n + c.ice_friction_n + c.inertia_n, 1e-9);
   EXPECT_NEAR(c.ice_normal_n + c.ice_friction_n, -now.ice_force_n.z(), 1e-9);
   EXPECT_NEAR(c.plug_gravity_n - c.plug_buoyancy_n + c.plug_drag_n + c.plug_friction_n, -now.ice_force_n.z(), 1e-6);

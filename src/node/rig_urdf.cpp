@@ -16,6 +16,7 @@ class UrdfText {
  public:
   explicit UrdfText(const std::string& frame_prefix) : prefix_(frame_prefix) {
     text_.imbue(std::locale::classic());
+    text_.precision(12);
     text_ << "<?xml version=\"1.0\"?>\n<robot name=\"brash_ice_rig\">\n";
     material("steel", "0.45 0.47 0.50 1");
     material("hub", "0.85 0.30 0.10 1");

@@ -6,7 +6,7 @@
 namespace brash_ice_rig {
 namespace {
 
-// The contact of frozen_test.test is so stiff that the step cannot be stable: the state overflows in the lift.
+// The viscosity of frozen_test.test is far beyond what its time step can follow, and the guards are off: it overflows.
 TEST(FrozenWorld, NodeLivesOnAndNamesTheRemedy) {
   Listener<SimStatus> status("sim/status");
   ASSERT_TRUE(status.waitForNew([](const SimStatus& s) { return s.frozen; }, 30.0));

@@ -12,6 +12,7 @@ namespace {
 class RunControl : public testing::Test {
  protected:
   void SetUp() override {
+    ASSERT_TRUE(wrench_.waitForConnection());
     ASSERT_TRUE(status_.waitForNew([](const SimStatus& status) { return status.paused; }));
   }
 

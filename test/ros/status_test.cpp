@@ -51,7 +51,7 @@ TEST(Status, ScenarioIsLatchedWithVersionAndSeed) {
   ASSERT_TRUE(waitFor([&] { return !scenario.messages.empty(); }));
   const std::string& text = scenario.messages.back().data;
   EXPECT_EQ(text.rfind("# brash_ice_rig ", 0), 0u) << text;
-  EXPECT_NE(text.find("lift_duration_s: 600"), std::string::npos) << "settings are in the effective scenario";
+  EXPECT_NE(text.find("hold_duration_s: 600"), std::string::npos) << "settings are in the effective scenario";
   EXPECT_NE(text.find("seed:"), std::string::npos);
 }
 

@@ -14,8 +14,6 @@
 // What the node's tests share. Waiting is by wall time throughout: ROS time is the thing under test.
 namespace brash_ice_rig {
 
-constexpr char kNodeName[] = "rig_node";
-
 /// Handles callbacks until the condition holds. @return whether it came to hold in time
 inline bool waitFor(const std::function<bool()>& condition, double timeout_s = 15.0) {
   const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(timeout_s);
@@ -57,9 +55,11 @@ class Listener {
         timeout_s);
   }
 
-  void clear() {
-    messages.clear();
-    arrivals_s.clear();
+  /// Waits until nothing that is published from now on gets lost.
+  bool waitForConnection() {
+    if (!waitFor([this] { return subscriber_.getNumPublishers() > 0; })) return false;
+    spinFor(0.3);  // the publisher takes the connection up a moment later
+    return true;
   }
 
   std::vector<Message> messages;

@@ -30,19 +30,23 @@ use_localhost() {
   fi
 }
 
-# build DIRECTORY [cmake arguments...]: configures and builds, quietly unless something goes wrong.
+# build DIRECTORY TARGETS [cmake arguments...]: configures and builds, quietly unless something goes wrong.
+# TARGETS: names with blanks between them.
 build() {
   local directory=$1
-  shift
+  local -a targets
+  read -ra targets <<<"$2"
+  shift 2
   if [ "$ros_flavour" = noetic ]; then
     source_ros /opt/ros/noetic/setup.bash
   fi
   mkdir -p "$directory"
   local log=$directory/build.log
-  echo "building in $directory (log: $log)"
-  if ! { cmake -S "$root" -B "$directory" "$@" && cmake --build "$directory" -j "$(nproc)"; } >"$log" 2>&1; then
+  echo "building in $directory (what the compiler says: $log)"
+  if ! { cmake -S "$root" -B "$directory" "$@" &&
+    cmake --build "$directory" -j "$(nproc)" --target "${targets[@]}"; } >"$log" 2>&1; then
     tail -n 60 "$log" >&2
-    echo "The build failed; all of it is in $log." >&2
+    echo "The build failed; the end of $log is above." >&2
     return 1
   fi
 }

@@ -32,7 +32,9 @@ constexpr int kExitBadInput = 2;
 
 volatile std::sig_atomic_t stop_requested = 0;
 
-void requestStop(int) { stop_requested = 1; }
+void requestStop(int) {
+  stop_requested = 1;
+}
 
 using WallClock = std::chrono::steady_clock;
 
@@ -129,8 +131,8 @@ int run(const ScenarioSources& sources, const std::string& directory) {
 
   const bool interrupted = !simulation.finished();
   const RunSummary summary = writer.finish(simulation, timing, interrupted);
-  std::printf("%s\n%s\n%s\n%s\n", describe(summary).c_str(), writer.scenarioPath().c_str(),
-              writer.forcePath().c_str(), writer.summaryPath().c_str());
+  std::printf("%s\n%s\n%s\n%s\n", describe(summary).c_str(), writer.scenarioPath().c_str(), writer.forcePath().c_str(),
+              writer.summaryPath().c_str());
   if (vtk) std::printf("%s\n", vtk->collectionPath().c_str());
   return interrupted || simulation.frozen() ? kExitRunFailed : kExitDone;
 }

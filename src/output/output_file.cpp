@@ -86,6 +86,8 @@ void OutputFile::close() {
   closed_ = true;
 }
 
-void OutputFile::fail() const { throw OutputError(path_, reasonOf(errno)); }
+void OutputFile::fail() const {
+  throw OutputError(path_, reasonOf(errno));
+}
 
 }  // namespace brash_ice_rig

@@ -19,7 +19,9 @@ std::string hashText(std::uint64_t hash) {
 }
 
 /// JSON has no NaN.
-std::string jsonNumber(double value) { return std::isfinite(value) ? toText(value) : "null"; }
+std::string jsonNumber(double value) {
+  return std::isfinite(value) ? toText(value) : "null";
+}
 
 std::string jsonString(const std::string& text) {
   std::string quoted = "\"";
@@ -73,7 +75,9 @@ double ForceStatistics::peakTime() const {
   return recent_.size() < peak_samples_ ? 0.5 * (recent_.front().time_s + recent_.back().time_s) : peak_time_s_;
 }
 
-double ForceStatistics::residual() const { return meanOfLast(std::min(recent_.size(), residual_samples_)); }
+double ForceStatistics::residual() const {
+  return meanOfLast(std::min(recent_.size(), residual_samples_));
+}
 
 double ForceStatistics::meanOfLast(std::size_t count) const {
   // Summed anew each time: a running sum would drift, and one NaN would stay in it for ever.
@@ -121,16 +125,14 @@ std::string toJson(const RunSummary& summary) {
 
 std::string describe(const RunSummary& summary) {
   return "peak force      " + rounded(summary.peak_force_n, 0) + " N at " + rounded(summary.peak_time_s, 2) +
-         " s (ice alone " + rounded(summary.ice_peak_force_n, 0) + " N)\n" +
-         "residual force  " + rounded(summary.residual_force_n, 0) + " N (ice alone " +
-         rounded(summary.ice_residual_force_n, 0) + " N)\n" +
+         " s (ice alone " + rounded(summary.ice_peak_force_n, 0) + " N)\n" + "residual force  " +
+         rounded(summary.residual_force_n, 0) + " N (ice alone " + rounded(summary.ice_residual_force_n, 0) + " N)\n" +
          "simulated       " + rounded(summary.simulated_s, 2) + " s in " + rounded(summary.wall_s, 2) +
-         " s, real-time factor " + rounded(summary.real_time_factor, 2) + "\n" +
-         "cost            " + rounded(summary.ns_per_particle_step, 0) + " ns per particle and step, " +
-         std::to_string(summary.particle_count) + " particles, " + std::to_string(summary.step_count) +
-         " steps of " + rounded(1.0e3 * summary.dt_s, 3) + " ms, threads: " + std::to_string(summary.threads) + "\n" +
-         "state hash      " + hashText(summary.state_hash) + "\n" +
-         "status          " + summary.status + "\n";
+         " s, real-time factor " + rounded(summary.real_time_factor, 2) + "\n" + "cost            " +
+         rounded(summary.ns_per_particle_step, 0) + " ns per particle and step, " +
+         std::to_string(summary.particle_count) + " particles, " + std::to_string(summary.step_count) + " steps of " +
+         rounded(1.0e3 * summary.dt_s, 3) + " ms, threads: " + std::to_string(summary.threads) + "\n" +
+         "state hash      " + hashText(summary.state_hash) + "\n" + "status          " + summary.status + "\n";
 }
 
 }  // namespace brash_ice_rig

@@ -32,11 +32,11 @@ std::string rowOf(const Snapshot& snapshot) {
   row += ',';
   row += stageName(snapshot.stage);
   const auto& part = snapshot.components;
-  append(row, {snapshot.tension_n, snapshot.ice_force_n.x(), snapshot.ice_force_n.y(), snapshot.ice_force_n.z(),
-               part.weight_n, part.buoyancy_n, part.ice_normal_n, part.ice_friction_n, part.inertia_n,
-               part.plug_gravity_n, part.plug_buoyancy_n, part.plug_drag_n, part.plug_friction_n,
-               snapshot.load_cell_force_n.x(), snapshot.load_cell_force_n.y(),
-               snapshot.rig.commanded_velocity_mps.z()});
+  append(row,
+         {snapshot.tension_n, snapshot.ice_force_n.x(), snapshot.ice_force_n.y(), snapshot.ice_force_n.z(),
+          part.weight_n, part.buoyancy_n, part.ice_normal_n, part.ice_friction_n, part.inertia_n, part.plug_gravity_n,
+          part.plug_buoyancy_n, part.plug_drag_n, part.plug_friction_n, snapshot.load_cell_force_n.x(),
+          snapshot.load_cell_force_n.y(), snapshot.rig.commanded_velocity_mps.z()});
   return row + '\n';
 }
 

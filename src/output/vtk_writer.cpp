@@ -135,7 +135,9 @@ std::string collectorToVtp(const CollectorConfig& collector, const RigState& rig
                                  cells("Polys", triangles, 3) + kPieceEnd);
 }
 
-VtkWriter::VtkWriter(const std::string& directory) : directory_(directory) { makeDirectory(directory_); }
+VtkWriter::VtkWriter(const std::string& directory) : directory_(directory) {
+  makeDirectory(directory_);
+}
 
 void VtkWriter::write(double time_s, const ParticleCloud& cloud, const CollectorConfig& collector,
                       const RigState& rig) {

@@ -40,7 +40,9 @@ Outcome runShell(const std::string& command) {
   return outcome;
 }
 
-bool contains(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+bool contains(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
 
 class ProgramTest : public ::testing::Test {
  protected:
@@ -54,9 +56,7 @@ class ProgramTest : public ::testing::Test {
   Outcome program(const std::string& arguments) const {
     return runShell("cd '" + directory_.path() + "' && '" BRASH_ICE_PROGRAM "' " + arguments);
   }
-  YAML::Node summaryIn(const std::string& run) const {
-    return YAML::LoadFile(directory_.file(run + "/summary.json"));
-  }
+  YAML::Node summaryIn(const std::string& run) const { return YAML::LoadFile(directory_.file(run + "/summary.json")); }
 
   TemporaryDirectory directory_;
   std::string scenario_ = directory_.put("small.yaml", kSmallScenario);
@@ -204,8 +204,8 @@ TEST_F(ProgramTest, InterruptEndsTheRunCleanly) {
   std::string program = BRASH_ICE_PROGRAM;
   std::string command = "run", out = "--out", set = "--set", duration = "procedure.lift_duration_s=3600",
               speed = "procedure.lift_speed_mps=0.001", directory = run, scenario = scenario_;
-  char* arguments[] = {program.data(), command.data(), scenario.data(), out.data(), directory.data(),
-                       set.data(),     duration.data(), set.data(),     speed.data(), nullptr};
+  char* arguments[] = {program.data(), command.data(),  scenario.data(), out.data(),   directory.data(),
+                       set.data(),     duration.data(), set.data(),      speed.data(), nullptr};
   pid_t pid = 0;
   ASSERT_EQ(posix_spawn(&pid, program.c_str(), nullptr, nullptr, arguments, environ), 0);
   // Rows reach the disk once per simulated second; the header alone is shorter than this.

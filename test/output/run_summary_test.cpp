@@ -70,9 +70,9 @@ TEST(RunSummary, JsonHasTheKeysThatOthersRead) {
   summary.status = "fold_jammed: the \"umbrella\" sticks";
   const YAML::Node json = YAML::Load(toJson(summary));  // JSON is YAML
   const std::vector<std::string> keys = {
-      "peak_force_n",  "peak_time_s",      "residual_force_n",     "ice_peak_force_n", "ice_residual_force_n",
-      "simulated_s",   "wall_s",           "real_time_factor",     "ns_per_particle_step", "particle_count",
-      "step_count",    "dt_s",             "threads",              "state_hash",       "status"};
+      "peak_force_n", "peak_time_s", "residual_force_n", "ice_peak_force_n",     "ice_residual_force_n",
+      "simulated_s",  "wall_s",      "real_time_factor", "ns_per_particle_step", "particle_count",
+      "step_count",   "dt_s",        "threads",          "state_hash",           "status"};
   std::vector<std::string> found;
   for (const auto& entry : json) found.push_back(entry.first.as<std::string>());
   EXPECT_EQ(found, keys);

@@ -46,21 +46,21 @@ class ForceStatistics {
 
 /// What summary.json holds. Values that do not exist (a run stopped before time 0) are NaN here and null there.
 struct RunSummary {
-  double peak_force_n = 0.0;        ///< of the load cell's reading, maximum of the centred 1 s mean, time >= 0
+  double peak_force_n = 0.0;  ///< of the load cell's reading, maximum of the centred 1 s mean, time >= 0
   double peak_time_s = 0.0;
-  double residual_force_n = 0.0;    ///< mean of the reading over the last 4.5 s before stage done
-  double ice_peak_force_n = 0.0;    ///< the same of the ice force alone, > 0 down
+  double residual_force_n = 0.0;  ///< mean of the reading over the last 4.5 s before stage done
+  double ice_peak_force_n = 0.0;  ///< the same of the ice force alone, > 0 down
   double ice_residual_force_n = 0.0;
-  double simulated_s = 0.0;         ///< settling included
+  double simulated_s = 0.0;  ///< settling included
   double wall_s = 0.0;
-  double real_time_factor = 0.0;    ///< simulated_s / wall_s
+  double real_time_factor = 0.0;      ///< simulated_s / wall_s
   double ns_per_particle_step = 0.0;  ///< wall time spent in the simulation, per particle and step
   std::size_t particle_count = 0;
   std::uint64_t step_count = 0;
   double dt_s = 0.0;
   int threads = 0;
-  std::uint64_t state_hash = 0;     ///< in the file: 16 hexadecimal digits
-  std::string status;               ///< see statusText()
+  std::uint64_t state_hash = 0;  ///< in the file: 16 hexadecimal digits
+  std::string status;            ///< see statusText()
 };
 
 /// "ok", or what happened, "; " between: "interrupted" and `name: remedy` of each flag.

@@ -230,7 +230,7 @@ visualization_msgs::MarkerArray toMarkers(const Stamp& stamp, const Scenario& sc
   visualization_msgs::MarkerArray array;
 
   // Wider than the ice, so that a rim of open water frames the field.
-  Marker water = makeMarker(stamp.header(frames::kMap), "water", Marker::CUBE, makeColor(0.1F, 0.35F, 0.6F, 0.35F));
+  Marker water = makeMarker(stamp.header(frames::kMap), "water", Marker::CUBE, makeColor(0.15F, 0.45F, 0.65F, 0.6F));
   water.scale.x = 1.2 * scenario.field.length_x_m;
   water.scale.y = 1.2 * scenario.field.length_y_m;
   water.scale.z = 0.01;
@@ -252,8 +252,8 @@ visualization_msgs::MarkerArray toMarkers(const Stamp& stamp, const Scenario& sc
 
   Marker text = makeMarker(stamp.header(frames::kLoadCell), "text", Marker::TEXT_VIEW_FACING,
                            makeColor(1.0F, 1.0F, 1.0F, 1.0F));
-  text.scale.z = 0.5;
-  text.pose.position.z = 1.1;
+  text.scale.z = 0.45;
+  text.pose.position.z = 1.2;
   char line[96];
   std::snprintf(line, sizeof line, "%s  t = %.1f s\n%.1f kN", stageName(snapshot.stage), snapshot.time_s,
                 1.0e-3 * snapshot.force_n);

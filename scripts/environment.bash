@@ -28,6 +28,10 @@ use_localhost() {
   if [ -z "${ROS_HOSTNAME:-}${ROS_IP:-}${ROS_MASTER_URI:-}" ]; then
     export ROS_HOSTNAME=localhost
   fi
+  if ! getent hosts localhost >/dev/null; then
+    echo "localhost does not resolve, and ROS needs it: add the line '127.0.0.1 localhost' to /etc/hosts." >&2
+    return 1
+  fi
 }
 
 # build DIRECTORY TARGETS [cmake arguments...]: configures and builds, quietly unless something goes wrong.

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
 #include <filesystem>
 #include <limits>
@@ -45,15 +46,11 @@ double secondsSince(WallClock::time_point start) {
 /// Simulated time that the script will take, settling included, s. An estimate: it leaves out the crane's ramps.
 double expectedDuration(const Scenario& scenario) {
   const ProcedureConfig& procedure = scenario.procedure;
-  const CollectorConfig& collector = scenario.collector;
   double duration_s = procedure.settle_duration_s + procedure.lift_duration_s + procedure.hold_duration_s;
   if (procedure.start == StartPose::kFoldedAboveIce) {
-    const double arm_length_m = std::hypot(collector.radius_m, collector.rim_height_m);
-    const double folded_height_m = arm_length_m * std::sin(collector.folded_arm_angle_deg * std::acos(-1.0) / 180.0);
-    const double way_m =
-        procedure.start_gap_m + scenario.field.thickness_m + procedure.lower_clearance_m + folded_height_m;
-    duration_s += way_m / std::min(procedure.lower_speed_mps, scenario.crane.max_speed_mps);
-    duration_s += collector.unfold_duration_s;
+    const double way_m = startHubHeight(scenario) - lowestHubHeight(scenario);
+    duration_s += way_m / procedure.lower_speed_mps;
+    duration_s += scenario.collector.unfold_duration_s;
   }
   return duration_s;
 }
@@ -198,11 +195,21 @@ int runProgram(int argc, char** argv) {
   return run(sources, directory);
 }
 
+/// Threads that spin at a barrier slow a run down several times as soon as another program wants a core. Waiting
+/// threads must sleep instead, which the OpenMP runtime only takes from the environment, and before main(): so the
+/// program starts itself once more. If that fails, it goes on as it is.
+void letWaitingThreadsSleep(char** argv) {
+  constexpr const char* kVariable = "OMP_WAIT_POLICY";
+  if (std::getenv(kVariable) != nullptr || setenv(kVariable, "passive", 1) != 0) return;
+  execv("/proc/self/exe", argv);
+}
+
 }  // namespace
 }  // namespace brash_ice_rig
 
 int main(int argc, char** argv) {
   using namespace brash_ice_rig;
+  letWaitingThreadsSleep(argv);
   try {
     return runProgram(argc, argv);
   } catch (const ConfigError& error) {

@@ -8,11 +8,11 @@
 #include <cstring>
 
 #include "brash_ice_rig/node/topic_names.h"
+#include "brash_ice_rig/rig/collector.h"
 
 namespace brash_ice_rig {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 
 constexpr bool sameBit(std::uint32_t message_value, StatusFlag flag) {
   return message_value == static_cast<std::uint32_t>(flag);
@@ -74,12 +74,9 @@ visualization_msgs::Marker makeMarker(const std_msgs::Header& header, const char
 visualization_msgs::Marker makeNet(const std_msgs::Header& header, const CollectorConfig& collector,
                                    const RigState& rig) {
   auto net = makeMarker(header, "net", visualization_msgs::Marker::TRIANGLE_LIST, makeColor(1.0F, 0.45F, 0.1F, 0.55F));
-  const double arm_length_m = std::hypot(collector.radius_m, collector.rim_height_m);
-  const double reach_m = arm_length_m * std::cos(rig.arm_angle_rad);
-  const double height_m = arm_length_m * std::sin(rig.arm_angle_rad);
   const auto tip = [&](int arm) {
-    const double azimuth_rad = arm * 2.0 * kPi / kArmCount;
-    return makePoint(reach_m * std::cos(azimuth_rad), reach_m * std::sin(azimuth_rad), height_m);
+    const Eigen::Vector3d offset = armTipOffset(collector, rig.arm_angle_rad, arm);
+    return makePoint(offset.x(), offset.y(), offset.z());
   };
   for (int arm = 0; arm < kArmCount; ++arm) {
     net.points.push_back(makePoint(0.0, 0.0, 0.0));
@@ -103,10 +100,6 @@ geometry_msgs::WrenchStamped toWrench(const Stamp& stamp, const Eigen::Vector3d&
   wrench.header = stamp.header(frames::kLoadCell);
   wrench.wrench.force = toVector(force_n);
   return wrench;
-}
-
-Eigen::Vector3d trueLoadCellForce(const Snapshot& snapshot) {
-  return {snapshot.ice_force_n.x(), snapshot.ice_force_n.y(), snapshot.tension_n};
 }
 
 ForceComponents toForceComponents(const Stamp& stamp, const Snapshot& snapshot) {

@@ -371,7 +371,7 @@ void RigNode::publishSample(const Snapshot& snapshot) {
   ++samples_since_diagnostics_;
   publishClock(now);  // first: whoever gets the others finds its clock there already
   wrench_publisher_.publish(toWrench(now, snapshot.load_cell_force_n));
-  true_wrench_publisher_.publish(toWrench(now, trueLoadCellForce(snapshot)));
+  true_wrench_publisher_.publish(toWrench(now, snapshot.support_n));
   components_publisher_.publish(toForceComponents(now, snapshot));
   if (isDue(sample_index_, period_s, options_.joints_rate_hz)) publishJoints(now, snapshot);
   if (isDue(sample_index_, period_s, options_.state_rate_hz)) publishStates(now, snapshot);

@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "brash_ice_rig/node/topic_names.h"
+#include "brash_ice_rig/rig/collector.h"
 
 namespace brash_ice_rig {
 namespace {
@@ -86,7 +87,7 @@ class UrdfText {
 std::string makeRigUrdf(const Scenario& scenario, const std::string& frame_prefix) {
   const CollectorConfig& collector = scenario.collector;
   const CraneConfig& crane = scenario.crane;
-  const double arm_length_m = std::hypot(collector.radius_m, collector.rim_height_m);
+  const double arm_length_m = armLength(collector);
   const double arm_radius_m = 0.02 * collector.radius_m;
   const double hub_height_m = 0.12 * collector.radius_m;
 

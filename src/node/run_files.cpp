@@ -14,16 +14,13 @@
 namespace brash_ice_rig {
 
 RunFiles::RunFiles(const Simulation& simulation, const std::string& directory)
-    : writer_(simulation, directory), next_vtk_s_(simulation.snapshot().time_s) {
+    : writer_(simulation, directory) {
   if (simulation.scenario().output.vtk_interval_s > 0.0) vtk_.emplace(directory + "/vtk");
 }
 
 void RunFiles::write(const Simulation& simulation, const Snapshot& snapshot, StatusFlags raised) {
   writer_.write(snapshot, raised);
-  // Half a sample, so that round-off in the time does not shift an instant to the next sample.
-  if (!vtk_ || snapshot.time_s < next_vtk_s_ - 0.5 * simulation.samplePeriod()) return;
-  vtk_->write(snapshot.time_s, simulation.particles(), simulation.scenario().collector, snapshot.rig);
-  next_vtk_s_ += simulation.scenario().output.vtk_interval_s;
+  if (vtk_) vtk_->writeIfDue(simulation, snapshot);
 }
 
 void RunFiles::finish(const Simulation& simulation, double compute_s, bool interrupted) {

@@ -12,11 +12,12 @@
 #include <utility>
 
 #include "brash_ice_rig/output/output_file.h"
+#include "brash_ice_rig/rig/collector.h"
 
 namespace brash_ice_rig {
 namespace {
 
-constexpr std::size_t kArms = 8;
+constexpr std::size_t kArms = kArmCount;
 
 std::string base64(const std::vector<unsigned char>& bytes) {
   static constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
@@ -112,9 +113,6 @@ std::string particlesToVtp(const ParticleCloud& cloud) {
 }
 
 std::string collectorToVtp(const CollectorConfig& collector, const RigState& rig) {
-  const double arm_length_m = std::hypot(collector.radius_m, collector.rim_height_m);
-  const double reach_m = arm_length_m * std::cos(rig.arm_angle_rad);
-  const double rise_m = arm_length_m * std::sin(rig.arm_angle_rad);
   const Eigen::Vector3d hub(rig.crane_position_m.x(), rig.crane_position_m.y(), rig.hoist_position_m);
 
   std::vector<float> xyz;
@@ -123,8 +121,7 @@ std::string collectorToVtp(const CollectorConfig& collector, const RigState& rig
   };
   std::vector<std::int64_t> triangles;
   for (std::size_t arm = 0; arm < kArms; ++arm) {
-    const double azimuth = 2.0 * std::acos(-1.0) * static_cast<double>(arm) / kArms;
-    add(hub + Eigen::Vector3d(reach_m * std::cos(azimuth), reach_m * std::sin(azimuth), rise_m));
+    add(hub + armTipOffset(collector, rig.arm_angle_rad, static_cast<int>(arm)));
     triangles.insert(triangles.end(), {static_cast<std::int64_t>(kArms), static_cast<std::int64_t>(arm),
                                        static_cast<std::int64_t>((arm + 1) % kArms)});
   }

@@ -8,7 +8,7 @@ namespace brash_ice_rig {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr double kSector = 2.0 * kPi / Collector::kArms;
+constexpr double kSector = 2.0 * kPi / kArmCount;
 /// Arms that did not lock hang down no further than this.
 constexpr double kDroopAngle = -60.0 * kPi / 180.0;
 
@@ -16,9 +16,9 @@ constexpr double kDroopAngle = -60.0 * kPi / 180.0;
 
 Collector::Collector(const CollectorConfig& config, bool unfolded)
     : config_(config),
-      arm_length_(std::hypot(config.radius_m, config.rim_height_m)),
+      arm_length_(brash_ice_rig::armLength(config)),
       folded_angle_(config.folded_arm_angle_deg * kPi / 180.0),
-      unfolded_angle_(std::atan2(config.rim_height_m, config.radius_m)),
+      unfolded_angle_(unfoldedArmAngle(config)),
       ratio_(unfolded ? 1.0 : 0.0),
       locked_(unfolded && config.fault != FoldFault::kNoLock) {
   updateGeometry();
@@ -26,11 +26,13 @@ Collector::Collector(const CollectorConfig& config, bool unfolded)
 
 double Collector::armAngle() const { return folded_angle_ + ratio_ * (unfolded_angle_ - folded_angle_); }
 
-Eigen::Vector3d Collector::armTip(int arm) const {
+Eigen::Vector3d armTipOffset(const CollectorConfig& config, double arm_angle_rad, int arm) {
   const double azimuth = kSector * arm;
-  const double reach = arm_length_ * std::cos(armAngle());
-  return {reach * std::cos(azimuth), reach * std::sin(azimuth), arm_length_ * std::sin(armAngle())};
+  const double reach = armLength(config) * std::cos(arm_angle_rad);
+  return {reach * std::cos(azimuth), reach * std::sin(azimuth), armLength(config) * std::sin(arm_angle_rad)};
 }
+
+Eigen::Vector3d Collector::armTip(int arm) const { return armTipOffset(config_, armAngle(), arm); }
 
 void Collector::step(double time_step_s, double target_ratio, double ice_moment_nm, StatusFlags& flags) {
   const double before = ratio_;
@@ -77,8 +79,8 @@ void Collector::updateGeometry() {
 NetPoint Collector::nearestNetPoint(const Eigen::Vector3d& offset_m) const {
   // The facet whose middle is nearest in azimuth; its frame: x along the middle, y along the rim, z up.
   static const auto kMiddle = [] {
-    std::array<Eigen::Vector2d, kArms> middle;
-    for (int k = 0; k < kArms; ++k) {
+    std::array<Eigen::Vector2d, kArmCount> middle;
+    for (int k = 0; k < kArmCount; ++k) {
       middle[static_cast<std::size_t>(k)] << std::cos((k + 0.5) * kSector), std::sin((k + 0.5) * kSector);
     }
     return middle;

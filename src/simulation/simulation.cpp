@@ -116,6 +116,7 @@ struct Simulation::Impl {
   bool frozen = false;
   StatusFlags flags;  ///< since the start of the present advance
   ContactSum contact_sum;
+  Eigen::Vector3d support = Eigen::Vector3d::Zero();  ///< N, of the crane on the rig
   double fold_target;
 
   // Manual control.
@@ -205,13 +206,10 @@ void Simulation::Impl::takeCommands() {
 void Simulation::Impl::updateForces() {
   contact_sum = contact.update(time_step, ice, collector, hubPosition(), crane.velocity());
   if (contact_sum.deepest_m > kSaturatedPenetration * contact.offset()) flags.set(StatusFlag::kContactSaturated);
-  Eigen::Vector3d pull = -contact_sum.total();  // z up on the rig is less tension
-  pull.x() = contact_sum.total().x();
-  pull.y() = contact_sum.total().y();
-  pull.z() += collector.weight() - collector.buoyancy(hubHeight(), scenario.water.density_kgpm3) +
-              collector.mass() * crane.acceleration().z();
-  if (pull.z() < 0.0) flags.set(StatusFlag::kHoistSlack);
-  load_cell.step(time_step, pull);
+  support = collector.mass() * crane.acceleration() - contact_sum.total();
+  support.z() += collector.weight() - collector.buoyancy(hubHeight(), scenario.water.density_kgpm3);
+  if (support.z() < 0.0) flags.set(StatusFlag::kHoistSlack);
+  load_cell.step(time_step, support);
 }
 
 
@@ -326,7 +324,8 @@ Snapshot Simulation::snapshot() const {
   c.ice_normal_n = -world.contact_sum.normal_n.z();
   c.ice_friction_n = -world.contact_sum.friction_n.z();
   c.inertia_n = world.collector.mass() * world.crane.acceleration().z();
-  snapshot.tension_n = c.weight_n - c.buoyancy_n + c.ice_normal_n + c.ice_friction_n + c.inertia_n;
+  snapshot.support_n = world.support;
+  snapshot.tension_n = world.support.z();
 
   double speed_squared_sum = 0.0;
   for (std::size_t i = 0; i < world.ice.size(); ++i) {

@@ -19,7 +19,7 @@ StatusFlags run(Collector& collector, double target, double moment, double durat
 
 TEST(Collector, UnfoldedTipsLieOnTheCircumscribedCircleAtRimHeight) {
   const Collector collector(CollectorConfig(), true);
-  for (int arm = 0; arm < Collector::kArms; ++arm) {
+  for (int arm = 0; arm < kArmCount; ++arm) {
     EXPECT_NEAR(collector.armTip(arm).head<2>().norm(), 1.3, 1e-12);
     EXPECT_NEAR(collector.armTip(arm).z(), 0.3, 1e-12);
   }
@@ -89,9 +89,9 @@ TEST(CollectorNet, NearestPointIsThatOfTheOctagonalCone) {
   for (int trial = 0; trial < 60; ++trial) {
     const Eigen::Vector3d p(along(generator), along(generator), 0.4 * along(generator));
     double expected = 1e9;
-    for (int arm = 0; arm < Collector::kArms; ++arm) {
+    for (int arm = 0; arm < kArmCount; ++arm) {
       expected = std::min(expected, scannedDistance(p, Eigen::Vector3d::Zero(), collector.armTip(arm),
-                                                    collector.armTip((arm + 1) % Collector::kArms)));
+                                                    collector.armTip((arm + 1) % kArmCount)));
     }
     // The facet is chosen by azimuth; near an arm the neighbour may be nearer by a little.
     const double found = (p - collector.nearestNetPoint(p).offset_m).norm();

@@ -100,6 +100,15 @@ TEST(LoadCellInTheRig, AcceleratingTheMassUpwardsAddsMassTimesAcceleration) {
   EXPECT_NEAR(simulation.snapshot().force_n - hanging, (200.0 + 40.0) * 0.5, 1e-6);
 }
 
+TEST(LoadCellInTheRig, AcceleratingTheBoomSidewaysReadsTheForceThatMovesTheRig) {
+  Simulation simulation(manualScenario());
+  simulation.advance(1.5);
+  simulation.setCraneVelocity({0.4, -0.4, 0.0});
+  simulation.advance(0.1);
+  EXPECT_NEAR(simulation.snapshot().load_cell_force_n.x(), (200.0 + 40.0) * 0.5, 1e-6);
+  EXPECT_NEAR(simulation.snapshot().load_cell_force_n.y(), -(200.0 + 40.0) * 0.5, 1e-6);
+}
+
 TEST(LoadCellInTheRig, ForceIsWeightLessBuoyancyBeforeContact) {
   Scenario s = smallScenario();
   s.procedure.start_gap_m = 0.5;

@@ -32,9 +32,6 @@ struct Stamp {
 /// down on the crane. The cell measures no torque: zero.
 geometry_msgs::WrenchStamped toWrench(const Stamp& stamp, const Eigen::Vector3d& force_n);
 
-/// The same force without sensor errors.
-Eigen::Vector3d trueLoadCellForce(const Snapshot& snapshot);
-
 ForceComponents toForceComponents(const Stamp& stamp, const Snapshot& snapshot);
 PlugState toPlugState(const Stamp& stamp, double time_s, const PlugSummary& plug);
 CraneState toCraneState(const Stamp& stamp, const Snapshot& snapshot);

@@ -30,7 +30,6 @@ class RunFiles {
  private:
   RunWriter writer_;
   std::optional<VtkWriter> vtk_;
-  double next_vtk_s_;
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 

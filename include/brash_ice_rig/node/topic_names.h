@@ -52,6 +52,4 @@ constexpr std::array<const char*, 8> kArms = {"arm_1_joint", "arm_2_joint", "arm
                                               "arm_5_joint", "arm_6_joint", "arm_7_joint", "arm_8_joint"};
 }  // namespace joints
 
-constexpr int kArmCount = 8;
-
 }  // namespace brash_ice_rig

@@ -16,12 +16,16 @@ struct NetPoint {
   bool on_rim;                   ///< beyond the rim: contact is with its edge, from any side
 };
 
+constexpr int kArmCount = 8;
+
+/// Tip of an arm relative to the hub, m. Arm k lies at an azimuth of k times 45°.
+/// @param arm_angle_rad  over the horizontal
+Eigen::Vector3d armTipOffset(const CollectorConfig& config, double arm_angle_rad, int arm);
+
 /// The umbrella below the pole: hub, eight arms hinged at it, and between them the net as eight flat triangles.
 /// Arms lie at azimuths of 0°, 45°, ... and all have the same angle over the horizontal.
 class Collector {
  public:
-  static constexpr int kArms = 8;
-
   Collector(const CollectorConfig& config, bool unfolded);
 
   /// Turns the arms towards the target.

@@ -13,7 +13,7 @@ class LoadCell {
  public:
   explicit LoadCell(const LoadCellConfig& config);
 
-  /// Follows the true force (x, y lateral, z tension; N) with the sensor's lag. Call every step.
+  /// Follows the true force (of the crane on the rig, N; z is the tension) with the sensor's lag. Call every step.
   void step(double time_step_s, const Eigen::Vector3d& force_n);
 
   /// Draws the next reading. Call once per sample period.

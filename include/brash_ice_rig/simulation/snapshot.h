@@ -59,7 +59,8 @@ struct Snapshot {
   Stage stage = Stage::kSettle;
   double force_n = 0.0;           ///< load-cell reading with sensor errors and tare
   double tension_n = 0.0;         ///< the truth behind it
-  Eigen::Vector3d load_cell_force_n = Eigen::Vector3d::Zero();  ///< reading in x, y, and z = force_n
+  Eigen::Vector3d support_n = Eigen::Vector3d::Zero();          ///< true force of the crane on the rig; z = tension_n
+  Eigen::Vector3d load_cell_force_n = Eigen::Vector3d::Zero();  ///< its reading along x, y, and z = force_n
   Eigen::Vector3d ice_force_n = Eigen::Vector3d::Zero();        ///< of the ice on net and pole, frame map
   ForceBalance components;
   RigState rig;

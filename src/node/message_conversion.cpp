@@ -13,7 +13,6 @@
 namespace brash_ice_rig {
 namespace {
 
-
 constexpr bool sameBit(std::uint32_t message_value, StatusFlag flag) {
   return message_value == static_cast<std::uint32_t>(flag);
 }
@@ -234,8 +233,7 @@ visualization_msgs::MarkerArray toMarkers(const Stamp& stamp, const Scenario& sc
   // The pull of the rig on the crane: down from the load cell, 1 m for 10 kN.
   constexpr double kMetresPerNewton = 1.0e-4;
   const double length_m = kMetresPerNewton * snapshot.force_n;
-  Marker arrow =
-      makeMarker(stamp.header(frames::kLoadCell), "force", Marker::ARROW, makeColor(0.9F, 0.1F, 0.1F, 1.0F));
+  Marker arrow = makeMarker(stamp.header(frames::kLoadCell), "force", Marker::ARROW, makeColor(0.9F, 0.1F, 0.1F, 1.0F));
   arrow.scale.x = 0.12;
   arrow.scale.y = 0.3;
   arrow.scale.z = 0.35;
@@ -243,8 +241,8 @@ visualization_msgs::MarkerArray toMarkers(const Stamp& stamp, const Scenario& sc
   arrow.points.push_back(makePoint(0.0, 0.0, std::isfinite(length_m) ? -length_m : 0.0));
   array.markers.push_back(arrow);
 
-  Marker text = makeMarker(stamp.header(frames::kLoadCell), "text", Marker::TEXT_VIEW_FACING,
-                           makeColor(1.0F, 1.0F, 1.0F, 1.0F));
+  Marker text =
+      makeMarker(stamp.header(frames::kLoadCell), "text", Marker::TEXT_VIEW_FACING, makeColor(1.0F, 1.0F, 1.0F, 1.0F));
   text.scale.z = 0.45;
   text.pose.position.z = 1.2;
   char line[96];

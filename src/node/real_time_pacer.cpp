@@ -41,6 +41,8 @@ double RealTimePacer::stepRate(Clock::time_point now) const {
   return marks_.empty() ? 0.0 : ratePerSecond(static_cast<double>(steps_ - marks_.front().steps), now);
 }
 
-bool RealTimePacer::overloaded(Clock::time_point now) const { return dropped_ && now - last_drop_ < kWindow; }
+bool RealTimePacer::overloaded(Clock::time_point now) const {
+  return dropped_ && now - last_drop_ < kWindow;
+}
 
 }  // namespace brash_ice_rig

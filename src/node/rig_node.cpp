@@ -73,8 +73,9 @@ RigNode::RigNode(const NodeOptions& options, const ros::NodeHandle& node, const 
       boost::function<void(const ros::MessageEvent<geometry_msgs::TwistStamped const>&)>(
           [this](const ros::MessageEvent<geometry_msgs::TwistStamped const>& event) { onCraneCommand(event); }));
   fold_subscriber_ = node_.subscribe<std_msgs::Float64>(
-      topics::kFoldCommand, 1, boost::function<void(const std_msgs::Float64::ConstPtr&)>(
-                                   [this](const std_msgs::Float64::ConstPtr& message) { onFoldCommand(*message); }));
+      topics::kFoldCommand, 1,
+      boost::function<void(const std_msgs::Float64::ConstPtr&)>(
+          [this](const std_msgs::Float64::ConstPtr& message) { onFoldCommand(*message); }));
 
   advertiseTrigger(private_node_, services::kPause, [this] { return ask([this] { return pause(); }); });
   advertiseTrigger(private_node_, services::kResume, [this] { return ask([this] { return resume(); }); });
@@ -94,8 +95,9 @@ RigNode::RigNode(const NodeOptions& options, const ros::NodeHandle& node, const 
   if (options_.publish_clock) warnAboutForeignClock();
   bool use_sim_time = false;
   if (!ros::param::get("/use_sim_time", use_sim_time) || !use_sim_time) {
-    ROS_WARN("/use_sim_time is not set, but all stamps are simulation time: set it before starting other nodes, as "
-             "pull_up.launch does");
+    ROS_WARN(
+        "/use_sim_time is not set, but all stamps are simulation time: set it before starting other nodes, as "
+        "pull_up.launch does");
   }
 }
 
@@ -136,7 +138,8 @@ void RigNode::onCraneCommand(const ros::MessageEvent<geometry_msgs::TwistStamped
   // Nobody can tell which of two drivers means it: the crane obeys neither and stops.
   if (countCommanders(event.getPublisherName()) > 1) {
     ROS_WARN_STREAM_THROTTLE(kCommandLogInterval_s, "more than one node commands " << topics::kCraneCommand
-                                                        << "; refused a command from " << event.getPublisherName());
+                                                                                   << "; refused a command from "
+                                                                                   << event.getPublisherName());
     velocity.setZero();
   } else if (!known_frame || !isFinite(command.twist.angular)) {
     ROS_WARN_STREAM_THROTTLE(kCommandLogInterval_s, "refused a command on " << topics::kCraneCommand << " in frame \""
@@ -287,8 +290,7 @@ RigNode::Answer RigNode::step(double duration_s) {
     std::snprintf(text, sizeof text, "duration_s = %g, must lie in (0, %g]", duration_s, kLongestStep_s);
     return {false, text};
   }
-  const auto wanted =
-      static_cast<std::uint64_t>(std::max(1LL, std::llround(duration_s / simulation_->timeStep())));
+  const auto wanted = static_cast<std::uint64_t>(std::max(1LL, std::llround(duration_s / simulation_->timeStep())));
   std::uint64_t done = 0;
   pacer_.restart(WallClock::now());
   while (done < wanted && ros::ok() && !simulation_->frozen()) {
@@ -537,9 +539,10 @@ void RigNode::warnAboutForeignClock() const {
     for (int j = 0; j < publications[i][1].size(); ++j) {
       const auto name = static_cast<std::string>(publications[i][1][j]);
       if (name == ros::this_node::getName()) continue;
-      ROS_WARN("%s publishes /clock too, so that time will jump: give one of the two ~publish_clock = false, or call "
-               "`rosnode cleanup` if that node is gone",
-               name.c_str());
+      ROS_WARN(
+          "%s publishes /clock too, so that time will jump: give one of the two ~publish_clock = false, or call "
+          "`rosnode cleanup` if that node is gone",
+          name.c_str());
     }
   }
 }

@@ -101,8 +101,8 @@ std::string makeRigUrdf(const Scenario& scenario, const std::string& frame_prefi
                     -0.5 * collector.pole_length_m, 0.0, "steel");
   urdf.cylinderLink(frames::kCollector, 0.1 * collector.radius_m, hub_height_m, 0.0, 0.0, 0.0, "hub");
 
-  urdf.movingJoint(joints::kBoomX, "prismatic", frames::kMap, frames::kCarriageX, 0.0, 0.0, "1 0 0",
-                   -crane.max_reach_m, crane.max_reach_m, crane.max_speed_mps);
+  urdf.movingJoint(joints::kBoomX, "prismatic", frames::kMap, frames::kCarriageX, 0.0, 0.0, "1 0 0", -crane.max_reach_m,
+                   crane.max_reach_m, crane.max_speed_mps);
   urdf.movingJoint(joints::kBoomY, "prismatic", frames::kCarriageX, frames::kCarriageY, 0.0, 0.0, "0 1 0",
                    -crane.max_reach_m, crane.max_reach_m, crane.max_speed_mps);
   urdf.movingJoint(joints::kHoist, "prismatic", frames::kCarriageY, frames::kCraneTip, collector.pole_length_m, 0.0,

@@ -13,8 +13,7 @@
 
 namespace brash_ice_rig {
 
-RunFiles::RunFiles(const Simulation& simulation, const std::string& directory)
-    : writer_(simulation, directory) {
+RunFiles::RunFiles(const Simulation& simulation, const std::string& directory) : writer_(simulation, directory) {
   if (simulation.scenario().output.vtk_interval_s > 0.0) vtk_.emplace(directory + "/vtk");
 }
 

@@ -24,7 +24,9 @@ Collector::Collector(const CollectorConfig& config, bool unfolded)
   updateGeometry();
 }
 
-double Collector::armAngle() const { return folded_angle_ + ratio_ * (unfolded_angle_ - folded_angle_); }
+double Collector::armAngle() const {
+  return folded_angle_ + ratio_ * (unfolded_angle_ - folded_angle_);
+}
 
 Eigen::Vector3d armTipOffset(const CollectorConfig& config, double arm_angle_rad, int arm) {
   const double azimuth = kSector * arm;
@@ -32,7 +34,9 @@ Eigen::Vector3d armTipOffset(const CollectorConfig& config, double arm_angle_rad
   return {reach * std::cos(azimuth), reach * std::sin(azimuth), armLength(config) * std::sin(arm_angle_rad)};
 }
 
-Eigen::Vector3d Collector::armTip(int arm) const { return armTipOffset(config_, armAngle(), arm); }
+Eigen::Vector3d Collector::armTip(int arm) const {
+  return armTipOffset(config_, armAngle(), arm);
+}
 
 void Collector::step(double time_step_s, double target_ratio, double ice_moment_nm, StatusFlags& flags) {
   const double before = ratio_;
@@ -112,7 +116,9 @@ NetPoint Collector::nearestNetPoint(const Eigen::Vector3d& offset_m) const {
   return point;
 }
 
-double Collector::weight() const { return mass() * kGravityMps2; }
+double Collector::weight() const {
+  return mass() * kGravityMps2;
+}
 
 double Collector::buoyancy(double hub_height_m, double water_density_kgpm3) const {
   const double height = std::max(arm_length_ * std::abs(std::sin(armAngle())), 1.0e-3);

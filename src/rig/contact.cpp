@@ -7,8 +7,8 @@
 namespace brash_ice_rig {
 
 double frictionCoefficient(const ContactConfig& config, double sliding_mps) {
-  return config.friction_dynamic + (config.friction_static - config.friction_dynamic) *
-                                       std::exp(-config.friction_decay_spm * sliding_mps);
+  return config.friction_dynamic +
+         (config.friction_static - config.friction_dynamic) * std::exp(-config.friction_decay_spm * sliding_mps);
 }
 
 RigContact::RigContact(const ContactConfig& config, const CollectorConfig& collector, double bulk_modulus_pa,

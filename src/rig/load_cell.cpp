@@ -25,6 +25,8 @@ void LoadCell::sample() {
   }
 }
 
-void LoadCell::tare() { tare_ = lagged_.array() + config_.bias_n; }
+void LoadCell::tare() {
+  tare_ = lagged_.array() + config_.bias_n;
+}
 
 }  // namespace brash_ice_rig

@@ -13,13 +13,20 @@ constexpr double kLoweredWithinM = 1.0e-3;
 
 const char* stageName(Stage stage) {
   switch (stage) {
-    case Stage::kSettle: return "settle";
-    case Stage::kLower: return "lower";
-    case Stage::kUnfold: return "unfold";
-    case Stage::kLift: return "lift";
-    case Stage::kHold: return "hold";
-    case Stage::kDone: return "done";
-    case Stage::kManual: return "manual";
+    case Stage::kSettle:
+      return "settle";
+    case Stage::kLower:
+      return "lower";
+    case Stage::kUnfold:
+      return "unfold";
+    case Stage::kLift:
+      return "lift";
+    case Stage::kHold:
+      return "hold";
+    case Stage::kDone:
+      return "done";
+    case Stage::kManual:
+      return "manual";
   }
   return "unknown";
 }

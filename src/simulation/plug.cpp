@@ -16,7 +16,7 @@ double discRadius(std::size_t count, double spacing_m) {
 }  // namespace
 
 PlugSummary computePlug(const std::vector<Eigen::Vector3d>& site_m, const std::vector<Eigen::Vector3d>& position_m,
-                      double spacing_m, double particle_mass_kg) {
+                        double spacing_m, double particle_mass_kg) {
   PlugSummary plug;
   std::vector<std::size_t> raised;
   for (std::size_t i = 0; i < position_m.size(); ++i) {

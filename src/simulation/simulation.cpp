@@ -49,7 +49,8 @@ IceField makeFieldAroundRig(const Scenario& s) {
     for (auto& p : field.position_m) {
       const double distance = p.head<2>().norm();
       if (distance >= clearance) continue;
-      const Eigen::Vector2d outward = distance > 0.0 ? Eigen::Vector2d(p.head<2>() / distance) : Eigen::Vector2d::UnitX();
+      const Eigen::Vector2d outward =
+          distance > 0.0 ? Eigen::Vector2d(p.head<2>() / distance) : Eigen::Vector2d::UnitX();
       p.head<2>() = clearance * outward;
     }
   }
@@ -77,7 +78,9 @@ class Hash {
     }
   }
   template <class T>
-  void add(const std::vector<T>& values) { add(values.data(), values.size()); }
+  void add(const std::vector<T>& values) {
+    add(values.data(), values.size());
+  }
   std::uint64_t value() const { return value_; }
 
  private:
@@ -152,14 +155,14 @@ Simulation::Impl::Impl(const Scenario& s)
       procedure(s.procedure, lowestHubHeight(s)),
       fold_target(collector.foldRatio()) {
   // The step divides the sample period, so that each sample falls on a step.
-  const double wave_speed =
-      computeWaveSpeed({0.0, material.bulkModulus(), material.shearModulus()}, density);
+  const double wave_speed = computeWaveSpeed({0.0, material.bulkModulus(), material.shearModulus()}, density);
   const double smoothing_length = s.solver.smoothing_ratio * s.field.spacing_m;
   const double largest_step = s.solver.cfl_ratio * smoothing_length / wave_speed;
   steps_per_sample = static_cast<std::uint64_t>(std::ceil(sample_period / largest_step));
   time_step = sample_period / static_cast<double>(steps_per_sample);
   // Settling takes whole samples, so that time 0 is one.
-  settle_steps = steps_per_sample * static_cast<std::uint64_t>(std::llround(s.procedure.settle_duration_s / sample_period));
+  settle_steps =
+      steps_per_sample * static_cast<std::uint64_t>(std::llround(s.procedure.settle_duration_s / sample_period));
   updateForces();
   load_cell.sample();
 }
@@ -212,7 +215,6 @@ void Simulation::Impl::updateForces() {
   load_cell.step(time_step, support);
 }
 
-
 /// The second half of a step, after the ice has moved: the rig follows its orders, and the forces between the two are
 /// brought up to date. They hold for the ice in the next step, and what a snapshot shows belongs to one instant.
 void Simulation::Impl::moveRig() {
@@ -243,13 +245,27 @@ Simulation::~Simulation() = default;
 Simulation::Simulation(Simulation&&) noexcept = default;
 Simulation& Simulation::operator=(Simulation&&) noexcept = default;
 
-const Scenario& Simulation::scenario() const { return impl_->scenario; }
-double Simulation::timeStep() const { return impl_->time_step; }
-double Simulation::samplePeriod() const { return impl_->sample_period; }
-std::size_t Simulation::particleCount() const { return impl_->ice.size(); }
-std::uint64_t Simulation::stepCount() const { return impl_->step_count; }
-bool Simulation::frozen() const { return impl_->frozen; }
-bool Simulation::finished() const { return impl_->frozen || impl_->procedure.stage() == Stage::kDone; }
+const Scenario& Simulation::scenario() const {
+  return impl_->scenario;
+}
+double Simulation::timeStep() const {
+  return impl_->time_step;
+}
+double Simulation::samplePeriod() const {
+  return impl_->sample_period;
+}
+std::size_t Simulation::particleCount() const {
+  return impl_->ice.size();
+}
+std::uint64_t Simulation::stepCount() const {
+  return impl_->step_count;
+}
+bool Simulation::frozen() const {
+  return impl_->frozen;
+}
+bool Simulation::finished() const {
+  return impl_->frozen || impl_->procedure.stage() == Stage::kDone;
+}
 
 void Simulation::setCraneVelocity(const Eigen::Vector3d& velocity_mps) {
   const std::lock_guard<std::mutex> lock(impl_->mailbox_mutex);
@@ -283,8 +299,7 @@ StepReport Simulation::advance(double duration_s) {
     if (world.frozen) break;
 #pragma omp single
     world.takeCommands();
-    const double damping =
-        world.step_count < world.settle_steps ? world.scenario.procedure.settle_damping_per_s : 0.0;
+    const double damping = world.step_count < world.settle_steps ? world.scenario.procedure.settle_damping_per_s : 0.0;
     world.ice.updateGradients();
     world.ice.updateStress(world.time_step);
     world.ice.updateMotion(world.time_step, damping, external);
@@ -338,8 +353,7 @@ Snapshot Simulation::snapshot() const {
     c.plug_buoyancy_n += static_cast<double>(world.water.buoyancy(submerged));
     c.plug_drag_n -= static_cast<double>(world.water.drag(velocity, submerged).z());
   }
-  c.plug_friction_n =
-      c.ice_normal_n + c.ice_friction_n - (c.plug_gravity_n - c.plug_buoyancy_n + c.plug_drag_n);
+  c.plug_friction_n = c.ice_normal_n + c.ice_friction_n - (c.plug_gravity_n - c.plug_buoyancy_n + c.plug_drag_n);
   snapshot.kinetic_energy_j = 0.5 * world.ice.particleMass() * speed_squared_sum;
   return snapshot;
 }

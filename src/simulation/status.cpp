@@ -4,27 +4,39 @@ namespace brash_ice_rig {
 namespace {
 
 constexpr StatusFlag kAllFlags[] = {
-    StatusFlag::kOverload,       StatusFlag::kCommandTimeout, StatusFlag::kSpeedLimited,
-    StatusFlag::kTravelLimit,    StatusFlag::kCommandRejected, StatusFlag::kCommandIgnored,
-    StatusFlag::kMultipleCommanders, StatusFlag::kFoldJammed, StatusFlag::kFoldUnlocked,
-    StatusFlag::kContactSaturated, StatusFlag::kNonFinite, StatusFlag::kHoistSlack};
+    StatusFlag::kOverload,           StatusFlag::kCommandTimeout,  StatusFlag::kSpeedLimited,
+    StatusFlag::kTravelLimit,        StatusFlag::kCommandRejected, StatusFlag::kCommandIgnored,
+    StatusFlag::kMultipleCommanders, StatusFlag::kFoldJammed,      StatusFlag::kFoldUnlocked,
+    StatusFlag::kContactSaturated,   StatusFlag::kNonFinite,       StatusFlag::kHoistSlack};
 
 }  // namespace
 
 const char* statusName(StatusFlag flag) {
   switch (flag) {
-    case StatusFlag::kOverload: return "overload";
-    case StatusFlag::kCommandTimeout: return "command_timeout";
-    case StatusFlag::kSpeedLimited: return "speed_limited";
-    case StatusFlag::kTravelLimit: return "travel_limit";
-    case StatusFlag::kCommandRejected: return "command_rejected";
-    case StatusFlag::kCommandIgnored: return "command_ignored";
-    case StatusFlag::kMultipleCommanders: return "multiple_commanders";
-    case StatusFlag::kFoldJammed: return "fold_jammed";
-    case StatusFlag::kFoldUnlocked: return "fold_unlocked";
-    case StatusFlag::kContactSaturated: return "contact_saturated";
-    case StatusFlag::kNonFinite: return "non_finite";
-    case StatusFlag::kHoistSlack: return "hoist_slack";
+    case StatusFlag::kOverload:
+      return "overload";
+    case StatusFlag::kCommandTimeout:
+      return "command_timeout";
+    case StatusFlag::kSpeedLimited:
+      return "speed_limited";
+    case StatusFlag::kTravelLimit:
+      return "travel_limit";
+    case StatusFlag::kCommandRejected:
+      return "command_rejected";
+    case StatusFlag::kCommandIgnored:
+      return "command_ignored";
+    case StatusFlag::kMultipleCommanders:
+      return "multiple_commanders";
+    case StatusFlag::kFoldJammed:
+      return "fold_jammed";
+    case StatusFlag::kFoldUnlocked:
+      return "fold_unlocked";
+    case StatusFlag::kContactSaturated:
+      return "contact_saturated";
+    case StatusFlag::kNonFinite:
+      return "non_finite";
+    case StatusFlag::kHoistSlack:
+      return "hoist_slack";
   }
   return "unknown";
 }

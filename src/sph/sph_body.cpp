@@ -17,8 +17,8 @@ constexpr double kSupportMargin = 1.0e-4;
 
 }  // namespace
 
-SphBody::SphBody(const SphSettings& settings, const Material& material,
-                 const std::vector<Eigen::Vector3d>& position_m, const std::vector<bool>& fixed)
+SphBody::SphBody(const SphSettings& settings, const Material& material, const std::vector<Eigen::Vector3d>& position_m,
+                 const std::vector<bool>& fixed)
     : settings_(settings), material_(material), position_(position_m), fixed_(fixed.begin(), fixed.end()) {
   assert(position_m.size() == fixed.size());
   assert(settings.particle_volume_m3 > 0.0 && settings.density_kgpm3 > 0.0 && settings.smoothing_length_m > 0.0);
@@ -48,8 +48,7 @@ void SphBody::updateGradients() {
 #pragma omp single
   {
     // Two particles approach each other by at most twice the way of the faster one.
-    search_due_ = candidates_.row_begin.empty() ||
-                  2.0 * (travelled_since_search_ + travelled_) >= settings_.skin_m;
+    search_due_ = candidates_.row_begin.empty() || 2.0 * (travelled_since_search_ + travelled_) >= settings_.skin_m;
     refresh_due_ = search_due_ || travelled_ >= settings_.refresh_distance_m;
     if (search_due_) {
       findNeighbours(position_, 2.0 * settings_.smoothing_length_m + settings_.skin_m, candidates_);

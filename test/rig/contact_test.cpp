@@ -18,7 +18,8 @@ struct Bench {
     settings.particle_volume_m3 = kSpacing * kSpacing * kSpacing;
     settings.density_kgpm3 = kMass / settings.particle_volume_m3;
     settings.smoothing_length_m = 0.36;
-    body = std::make_unique<SphBody>(settings, material, std::vector<Eigen::Vector3d>{position}, std::vector<bool>{false});
+    body =
+        std::make_unique<SphBody>(settings, material, std::vector<Eigen::Vector3d>{position}, std::vector<bool>{false});
     collector = std::make_unique<Collector>(collector_config, true);
     contact = std::make_unique<RigContact>(config, collector_config, 7.5e5, kSpacing, kMass, 1);
   }
@@ -102,7 +103,8 @@ TEST(Contact, FrictionHoldsAtStandstillAndIsForgottenWhenContactEnds) {
 }
 
 TEST(Contact, ParticleBeyondTheRimIsPushedOutwards) {
-  Bench bench({1.3 * std::cos(M_PI / 8.0) * std::cos(M_PI / 8.0) + 0.1, 1.3 * std::cos(M_PI / 8.0) * std::sin(M_PI / 8.0), 0.0});
+  Bench bench({1.3 * std::cos(M_PI / 8.0) * std::cos(M_PI / 8.0) + 0.1,
+               1.3 * std::cos(M_PI / 8.0) * std::sin(M_PI / 8.0), 0.0});
   bench.update();
   EXPECT_GT(bench.contact->force(0).x(), 0.0f);
   EXPECT_NEAR(bench.contact->force(0).z(), 0.0f, 1e-3f);

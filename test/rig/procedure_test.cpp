@@ -10,7 +10,8 @@ namespace {
 constexpr double kStep = 0.0025;
 
 struct Drill {
-  Drill(const ProcedureConfig& procedure_config, const CollectorConfig& collector_config, double start_m, double lowest_m)
+  Drill(const ProcedureConfig& procedure_config, const CollectorConfig& collector_config, double start_m,
+        double lowest_m)
       : crane(CraneConfig(), {0.0, 0.0, start_m}),
         collector(collector_config, procedure_config.start == StartPose::kUnfoldedUnderIce),
         procedure(procedure_config, lowest_m) {}
@@ -46,8 +47,8 @@ ProcedureConfig full() {
 TEST(Procedure, FullTestGoesThroughEveryStageInOrder) {
   Drill drill(full(), CollectorConfig(), 2.0, -1.0);
   drill.run(-1.0, 60.0);
-  EXPECT_EQ(drill.stages, (std::vector<Stage>{Stage::kSettle, Stage::kLower, Stage::kUnfold, Stage::kLift,
-                                              Stage::kHold, Stage::kDone}));
+  EXPECT_EQ(drill.stages, (std::vector<Stage>{Stage::kSettle, Stage::kLower, Stage::kUnfold, Stage::kLift, Stage::kHold,
+                                              Stage::kDone}));
 }
 
 TEST(Procedure, LoweringStopsAtTheGoalWithoutOvershoot) {
@@ -77,8 +78,7 @@ TEST(Procedure, JamEndsTheTestAtUnfoldAsInTheField) {
   jam.fault = FoldFault::kJam;
   Drill drill(full(), jam, 2.0, -1.0);
   drill.run(-1.0, 60.0);
-  EXPECT_EQ(drill.stages,
-            (std::vector<Stage>{Stage::kSettle, Stage::kLower, Stage::kUnfold, Stage::kDone}));
+  EXPECT_EQ(drill.stages, (std::vector<Stage>{Stage::kSettle, Stage::kLower, Stage::kUnfold, Stage::kDone}));
   EXPECT_TRUE(drill.flags.has(StatusFlag::kFoldJammed));
   EXPECT_NEAR(drill.crane.position().z(), -1.0, 2e-3);
 }

@@ -18,7 +18,9 @@ struct BadInput {
   std::string rule;       ///< must be stated
 };
 
-void PrintTo(const BadInput& input, std::ostream* out) { *out << input.name; }
+void PrintTo(const BadInput& input, std::ostream* out) {
+  *out << input.name;
+}
 
 struct Outcome {
   int exit_code = -1;
@@ -39,8 +41,8 @@ class NodeInput : public testing::TestWithParam<BadInput> {};
 
 TEST_P(NodeInput, EndsTheNodeWithCode2AndNamesKeyAndRule) {
   // A name for each: parameters stay on the server.
-  const Outcome outcome = runCommand("timeout 20 " RIG_NODE " __name:=rig_" + std::string(GetParam().name) + " " +
-                                     GetParam().arguments);
+  const Outcome outcome =
+      runCommand("timeout 20 " RIG_NODE " __name:=rig_" + std::string(GetParam().name) + " " + GetParam().arguments);
   EXPECT_EQ(outcome.exit_code, 2) << outcome.text;
   EXPECT_NE(outcome.text.find("FATAL"), std::string::npos) << outcome.text;
   EXPECT_NE(outcome.text.find(GetParam().key), std::string::npos) << outcome.text;
@@ -75,4 +77,6 @@ TEST(UrdfInput, BadScenarioEndsTheProgramWithCode2) {
 }  // namespace
 }  // namespace brash_ice_rig
 
-int main(int argc, char** argv) { return brash_ice_rig::runRosTest(argc, argv, "bad_input_test"); }
+int main(int argc, char** argv) {
+  return brash_ice_rig::runRosTest(argc, argv, "bad_input_test");
+}

@@ -136,7 +136,9 @@ TEST_F(Command, SecondPublisherStopsTheCraneUntilItIsGone) {
   EXPECT_TRUE(driveUntil(makeCommand(-0.05), [&] { return flagged(SimStatus::MULTIPLE_COMMANDERS); }));
   EXPECT_TRUE(driveUntil(makeCommand(-0.05), [&] { return speed() == 0.0; }));
   const double rest_m = height();
-  EXPECT_FALSE(driveUntil(makeCommand(-0.05), [&] { return height() != rest_m; }, 0.5)) << "neither is obeyed";
+  EXPECT_FALSE(driveUntil(
+      makeCommand(-0.05), [&] { return height() != rest_m; }, 0.5))
+      << "neither is obeyed";
   kill(child, SIGTERM);
   waitpid(child, nullptr, 0);
   EXPECT_TRUE(driveUntil(makeCommand(-0.05), [&] { return speed() < -0.04; })) << "alone again, it is obeyed";

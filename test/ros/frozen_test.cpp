@@ -41,4 +41,6 @@ TEST(FrozenWorld, ResumeFailsAndResetHelps) {
 }  // namespace
 }  // namespace brash_ice_rig
 
-int main(int argc, char** argv) { return brash_ice_rig::runRosTest(argc, argv, "frozen_test"); }
+int main(int argc, char** argv) {
+  return brash_ice_rig::runRosTest(argc, argv, "frozen_test");
+}

@@ -13,8 +13,7 @@ TEST(IcePoints, EightFloatsPerParticleInTheDocumentedOrder) {
   ASSERT_TRUE(clouds.waitForNew());
   ASSERT_TRUE(status.waitForNew());
   const sensor_msgs::PointCloud2& cloud = clouds.messages.back();
-  const std::vector<std::string> names = {"x",        "y",              "z",      "speed",
-                                          "pressure", "plastic_strain", "damage", "submerged"};
+  const std::vector<std::string> names = {"x", "y", "z", "speed", "pressure", "plastic_strain", "damage", "submerged"};
   ASSERT_EQ(cloud.fields.size(), names.size());
   for (std::size_t i = 0; i < names.size(); ++i) {
     EXPECT_EQ(cloud.fields[i].name, names[i]);
@@ -60,4 +59,6 @@ TEST(IcePoints, ComeTenTimesPerSimulatedSecond) {
 }  // namespace
 }  // namespace brash_ice_rig
 
-int main(int argc, char** argv) { return brash_ice_rig::runRosTest(argc, argv, "ice_points_test"); }
+int main(int argc, char** argv) {
+  return brash_ice_rig::runRosTest(argc, argv, "ice_points_test");
+}

@@ -45,4 +45,6 @@ TEST(LoadCell, TareMakesThePresentReadingZero) {
 }  // namespace
 }  // namespace brash_ice_rig
 
-int main(int argc, char** argv) { return brash_ice_rig::runRosTest(argc, argv, "load_cell_test"); }
+int main(int argc, char** argv) {
+  return brash_ice_rig::runRosTest(argc, argv, "load_cell_test");
+}

@@ -84,4 +84,6 @@ TEST_F(PullUpLaunch, EveryArgumentIsExplained) {
 }  // namespace
 }  // namespace brash_ice_rig
 
-int main(int argc, char** argv) { return brash_ice_rig::runRosTest(argc, argv, "pull_up_launch_test"); }
+int main(int argc, char** argv) {
+  return brash_ice_rig::runRosTest(argc, argv, "pull_up_launch_test");
+}

@@ -125,4 +125,6 @@ TEST_F(RunControl, ClockStaysMonotonicOverResetAndTopicsLiveOn) {
 }  // namespace
 }  // namespace brash_ice_rig
 
-int main(int argc, char** argv) { return brash_ice_rig::runRosTest(argc, argv, "run_control_test"); }
+int main(int argc, char** argv) {
+  return brash_ice_rig::runRosTest(argc, argv, "run_control_test");
+}

@@ -71,4 +71,6 @@ TEST(Diagnostics, NamesEveryPartOnceASecond) {
 }  // namespace
 }  // namespace brash_ice_rig
 
-int main(int argc, char** argv) { return brash_ice_rig::runRosTest(argc, argv, "status_test"); }
+int main(int argc, char** argv) {
+  return brash_ice_rig::runRosTest(argc, argv, "status_test");
+}

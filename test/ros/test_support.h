@@ -42,8 +42,9 @@ class Listener {
   }
 
   /// Waits for a message that comes after this call and fulfils the condition.
-  bool waitForNew(const std::function<bool(const Message&)>& condition = [](const Message&) { return true; },
-                  double timeout_s = 15.0) {
+  bool waitForNew(
+      const std::function<bool(const Message&)>& condition = [](const Message&) { return true; },
+      double timeout_s = 15.0) {
     std::size_t next = messages.size();
     return waitFor(
         [&] {
@@ -86,7 +87,9 @@ inline int findFlag(const SimStatus& status, std::uint32_t flag) {
   return index;
 }
 
-inline bool hasFlag(const SimStatus& status, std::uint32_t flag) { return findFlag(status, flag) >= 0; }
+inline bool hasFlag(const SimStatus& status, std::uint32_t flag) {
+  return findFlag(status, flag) >= 0;
+}
 
 inline int runRosTest(int argc, char** argv, const char* name) {
   testing::InitGoogleTest(&argc, argv);

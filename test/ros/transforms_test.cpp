@@ -67,18 +67,17 @@ TEST_F(Transforms, FollowTheHoist) {
   ASSERT_TRUE(waitForTransform("collector", [](const geometry_msgs::Transform&) { return true; }));
   const double before_m = transform_.translation.z;
   ASSERT_TRUE(callTrigger("rig_node/resume").success);
-  EXPECT_TRUE(waitForTransform("collector", [&](const geometry_msgs::Transform& t) {
-    return t.translation.z > before_m + 0.2;
-  }));
+  EXPECT_TRUE(waitForTransform("collector",
+                               [&](const geometry_msgs::Transform& t) { return t.translation.z > before_m + 0.2; }));
 }
 
 TEST_F(Transforms, JointStatesNameEveryMovingJoint) {
   Listener<sensor_msgs::JointState> joints("joint_states");
   ASSERT_TRUE(joints.waitForNew());
   const sensor_msgs::JointState& state = joints.messages.back();
-  EXPECT_EQ(state.name, (std::vector<std::string>{"boom_x", "boom_y", "hoist", "arm_1_joint", "arm_2_joint",
-                                                  "arm_3_joint", "arm_4_joint", "arm_5_joint", "arm_6_joint",
-                                                  "arm_7_joint", "arm_8_joint"}));
+  EXPECT_EQ(state.name,
+            (std::vector<std::string>{"boom_x", "boom_y", "hoist", "arm_1_joint", "arm_2_joint", "arm_3_joint",
+                                      "arm_4_joint", "arm_5_joint", "arm_6_joint", "arm_7_joint", "arm_8_joint"}));
   EXPECT_EQ(state.position.size(), state.name.size());
   EXPECT_EQ(state.velocity.size(), state.name.size());
   EXPECT_EQ(state.effort.size(), state.name.size());
@@ -87,4 +86,6 @@ TEST_F(Transforms, JointStatesNameEveryMovingJoint) {
 }  // namespace
 }  // namespace brash_ice_rig
 
-int main(int argc, char** argv) { return brash_ice_rig::runRosTest(argc, argv, "transforms_test"); }
+int main(int argc, char** argv) {
+  return brash_ice_rig::runRosTest(argc, argv, "transforms_test");
+}

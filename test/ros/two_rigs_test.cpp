@@ -55,4 +55,6 @@ TEST(TwoRigs, OneClock) {
 }  // namespace
 }  // namespace brash_ice_rig
 
-int main(int argc, char** argv) { return brash_ice_rig::runRosTest(argc, argv, "two_rigs_test"); }
+int main(int argc, char** argv) {
+  return brash_ice_rig::runRosTest(argc, argv, "two_rigs_test");
+}

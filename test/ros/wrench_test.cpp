@@ -98,4 +98,6 @@ TEST_F(Wrench, TrueWrenchIsTheSumOfTheComponents) {
 }  // namespace
 }  // namespace brash_ice_rig
 
-int main(int argc, char** argv) { return brash_ice_rig::runRosTest(argc, argv, "wrench_test"); }
+int main(int argc, char** argv) {
+  return brash_ice_rig::runRosTest(argc, argv, "wrench_test");
+}

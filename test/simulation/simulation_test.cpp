@@ -34,7 +34,9 @@ Scenario manualScenario() {
 }
 
 /// Load of the ice on the rig, N, > 0 down.
-double iceLoad(const Simulation& simulation) { return -simulation.snapshot().ice_force_n.z(); }
+double iceLoad(const Simulation& simulation) {
+  return -simulation.snapshot().ice_force_n.z();
+}
 
 void advanceTo(Simulation& simulation, double time_s) {
   const double rest = time_s - simulation.snapshot().time_s;

@@ -17,8 +17,7 @@ class ElasticMaterial : public Material {
     const auto lame = static_cast<float>(bulk_ - 2.0 / 3.0 * shear_);
     const auto twice_shear = static_cast<float>(2.0 * shear_);
     for (std::size_t i = 0; i < batch.count; ++i) {
-      const float volume =
-          batch.strain_increment[0][i] + batch.strain_increment[1][i] + batch.strain_increment[2][i];
+      const float volume = batch.strain_increment[0][i] + batch.strain_increment[1][i] + batch.strain_increment[2][i];
       for (std::size_t c = 0; c < kComponents; ++c) {
         batch.stress[c][i] += twice_shear * batch.strain_increment[c][i] + (c < 3 ? lame * volume : 0.0f);
       }

@@ -32,7 +32,9 @@ void expectSameAsBruteForce(const std::vector<Eigen::Vector3d>& points, double r
   }
 }
 
-TEST(NeighbourSearch, FindsThePairsThatComparingAllFinds) { expectSameAsBruteForce(randomCloud(700, 1), 0.45); }
+TEST(NeighbourSearch, FindsThePairsThatComparingAllFinds) {
+  expectSameAsBruteForce(randomCloud(700, 1), 0.45);
+}
 
 TEST(NeighbourSearch, StaysExactWhenOneParticleIsFarAway) {
   auto points = randomCloud(200, 2);

@@ -4,9 +4,9 @@
 #include <limits>
 #include <random>
 
+#include <gtest/gtest.h>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
-#include <gtest/gtest.h>
 
 #include "brash_ice_rig/sph/kernel.h"
 #include "elastic_material.h"
@@ -157,15 +157,14 @@ TEST(SphForce, IsTheVirtualWorkAdjointOfTheVelocityGradient) {
   setRandomVelocities(body, 1.0, 4);
   double force_power = 0.0, stress_power = 0.0, scale = 0.0;
   for (std::size_t i = 0; i < body.sph.size(); ++i) {
-    const double power =
-        static_cast<double>(body.sph.internalForce(i).head<3>().dot(body.sph.velocity()[i].head<3>()));
+    const double power = static_cast<double>(body.sph.internalForce(i).head<3>().dot(body.sph.velocity()[i].head<3>()));
     force_power += power;
     scale += std::abs(power);
     const auto& s = body.sph.stress();
     Eigen::Matrix3f sigma;
     sigma << s[0][i], s[3][i], s[5][i], s[3][i], s[1][i], s[4][i], s[5][i], s[4][i], s[2][i];
-    stress_power += settings().particle_volume_m3 *
-                    static_cast<double>(sigma.cwiseProduct(body.sph.velocityGradient(i)).sum());
+    stress_power +=
+        settings().particle_volume_m3 * static_cast<double>(sigma.cwiseProduct(body.sph.velocityGradient(i)).sum());
   }
   EXPECT_NEAR(force_power, -stress_power, 1e-6 * scale);
   EXPECT_GT(std::abs(stress_power), 1e-4 * scale);
@@ -322,9 +321,8 @@ TEST(SphBody, ForceBeyondAllBoundsIsCaughtAndTheStateStaysFinite) {
     body.sph.updateGradients();
     body.sph.updateStress(1e-3);
     EXPECT_TRUE(body.sph.sound());
-    body.sph.updateMotion(1e-3, 0.0, [force](std::size_t i) {
-      return Eigen::Vector4f(i == 5 ? force : 0.0f, 0.0f, 0.0f, 0.0f);
-    });
+    body.sph.updateMotion(1e-3, 0.0,
+                          [force](std::size_t i) { return Eigen::Vector4f(i == 5 ? force : 0.0f, 0.0f, 0.0f, 0.0f); });
     EXPECT_FALSE(body.sph.sound());
     for (const auto& p : body.sph.position()) EXPECT_TRUE(p.allFinite());
   }

@@ -6,7 +6,9 @@ namespace brash_ice_rig {
 namespace {
 
 // B-1: ice 900 kg/m³, water 1000 kg/m³, V_f = 0.6, spacing 0.3 m.
-ParticleInWater particle() { return ParticleInWater(WaterConfig(), IceConfig(), 0.3); }
+ParticleInWater particle() {
+  return ParticleInWater(WaterConfig(), IceConfig(), 0.3);
+}
 
 TEST(Buoyancy, SubmergedShareFallsLinearlyAcrossTheWaterlineAsInEq2) {
   EXPECT_FLOAT_EQ(particle().submerged(-0.2f), 1.0f);

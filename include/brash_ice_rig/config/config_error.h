@@ -5,8 +5,8 @@
 
 namespace brash_ice_rig {
 
-/// The user's input is wrong. what() reads `file:line: key = value, rule` with the parts that are known; without a value
-/// it reads `file:line: key: rule`, or `file:line: rule` where the rule itself names the key.
+/// The user's input is wrong. what() reads `file:line: key = value, rule` with the parts that are known; without a
+/// value it reads `file:line: key: rule`, or `file:line: rule` where the rule itself names the key.
 class ConfigError : public std::runtime_error {
  public:
   ConfigError(std::string key, std::string value, std::string rule, std::string where = "");

@@ -259,7 +259,8 @@ struct SolverConfig {
     v("smoothing_ratio", smoothing_ratio, Range{1.0, 2.0}, "smoothing length over spacing");
     v("viscosity_ratio", viscosity_ratio, Range{0.0, 1.0}, "alpha of the Monaghan viscosity");
     v("viscosity_speed_mps", viscosity_speed_mps, Range{0.0, 5000.0}, "wave speed in the viscosity, fixed on purpose");
-    v("volume_ratio_limit", volume_ratio_limit, Range{1.0, 10.0, true}, "a particle's volume stays within 1/this and this");
+    v("volume_ratio_limit", volume_ratio_limit, Range{1.0, 10.0, true},
+      "a particle's volume stays within 1/this and this");
     v("determinant_limit", determinant_limit, Range{0.0, 1.0},
       "gradient correction is left out where the determinant of its matrix is smaller");
     v("neighbour_skin_ratio", neighbour_skin_ratio, Range{0.01, 1.0}, "margin of the neighbour search, in spacings");

@@ -10,18 +10,18 @@ namespace brash_ice_rig {
 
 /// What the node reads from its private parameters. Rates count samples per simulated second, but status_rate_hz.
 struct NodeOptions {
-  ScenarioSources sources;          ///< ~scenario, ~overlays, ~settings
-  std::string output_dir;           ///< where force.csv, scenario.yaml, summary.json go; empty: nowhere
-  double real_time_factor = 1.0;    ///< simulated s per wall s; 0: as fast as it can
+  ScenarioSources sources;        ///< ~scenario, ~overlays, ~settings
+  std::string output_dir;         ///< where force.csv, scenario.yaml, summary.json go; empty: nowhere
+  double real_time_factor = 1.0;  ///< simulated s per wall s; 0: as fast as it can
   bool start_paused = false;
-  bool exit_at_end = false;         ///< end the node when the script is done
-  bool publish_clock = true;        ///< only one node may own /clock
-  std::string frame_prefix;         ///< before every frame name, e.g. "rig_2/"
-  double points_rate_hz = 10.0;     ///< ice/points
-  double markers_rate_hz = 10.0;    ///< rig/markers
-  double state_rate_hz = 10.0;      ///< crane/state, plug/state
-  double joints_rate_hz = 50.0;     ///< joint_states, crane/cmd_vel_out
-  double status_rate_hz = 5.0;      ///< sim/status, per wall s
+  bool exit_at_end = false;       ///< end the node when the script is done
+  bool publish_clock = true;      ///< only one node may own /clock
+  std::string frame_prefix;       ///< before every frame name, e.g. "rig_2/"
+  double points_rate_hz = 10.0;   ///< ice/points
+  double markers_rate_hz = 10.0;  ///< rig/markers
+  double state_rate_hz = 10.0;    ///< crane/state, plug/state
+  double joints_rate_hz = 50.0;   ///< joint_states, crane/cmd_vel_out
+  double status_rate_hz = 5.0;    ///< sim/status, per wall s
 };
 
 /// Reads, checks and, for ~working_dir, applies the parameters (relative paths start there).

@@ -59,8 +59,8 @@ class RigNode {
 
   // Callback threads.
   void onCraneCommand(const ros::MessageEvent<geometry_msgs::TwistStamped const>& event);
-  /// Nodes that have sent a velocity command within the last second. Counting those that are merely connected would lock
-  /// the crane for a silent panel, or for a driver that crashed and that ROS still lists.
+  /// Nodes that have sent a velocity command within the last second. Counting those that are merely connected would
+  /// lock the crane for a silent panel, or for a driver that crashed and that ROS still lists.
   /// @param speaker  name of the node that sends one now, or empty
   std::size_t countCommanders(const std::string& speaker = "");
   void onFoldCommand(const std_msgs::Float64& message);
@@ -115,7 +115,8 @@ class RigNode {
   bool paused_;
   bool script_done_ = false;
   bool failed_ = false;
-  double clock_offset_s_ = 0.0;  ///< ROS time of the test's time 0; grows with each reset, so that ROS time never rewinds
+  double clock_offset_s_ =
+      0.0;  ///< ROS time of the test's time 0; grows with each reset, so that ROS time never rewinds
   std::uint64_t sample_index_ = 0;
   std::int64_t printed_second_ = 0;
 

@@ -10,8 +10,8 @@
 
 namespace brash_ice_rig {
 
-/// The files of one run from start or reset to its end: those of RunWriter, VTK snapshots if the scenario asks for them,
-/// and a force-time plot.
+/// The files of one run from start or reset to its end: those of RunWriter, VTK snapshots if the scenario asks for
+/// them, and a force-time plot.
 class RunFiles {
  public:
   /// @throws OutputError
@@ -33,8 +33,8 @@ class RunFiles {
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
-/// Draws the force-time plot of a finished run with the program plot_force that lies beside this one and that prints the
-/// picture's path on stdout. Takes seconds. A plot that fails is reported on stderr and does no harm.
+/// Draws the force-time plot of a finished run with the program plot_force that lies beside this one and that prints
+/// the picture's path on stdout. Takes seconds. A plot that fails is reported on stderr and does no harm.
 void plotRun(const std::string& directory);
 
 }  // namespace brash_ice_rig

@@ -36,7 +36,7 @@ class Collector {
 
   /// 0 folded, 1 unfolded, > 1 drooping.
   double foldRatio() const { return ratio_; }
-  double armAngle() const;  ///< rad over the horizontal
+  double armAngle() const;                      ///< rad over the horizontal
   double armRate() const { return arm_rate_; }  ///< rad/s
   double armLength() const { return arm_length_; }
   bool locked() const { return locked_; }
@@ -62,8 +62,8 @@ class Collector {
   double arm_rate_ = 0.0;
   bool locked_, jammed_ = false;
   // Of the facet whose middle lies at azimuth 0, for the present angle:
-  double slant_m_ = 0.0;      ///< hub to the middle of the rim edge
-  double half_width_ = 0.0;   ///< half rim edge over slant
+  double slant_m_ = 0.0;     ///< hub to the middle of the rim edge
+  double half_width_ = 0.0;  ///< half rim edge over slant
   double slope_cos_ = 1.0, slope_sin_ = 0.0;
   double middle_turn_x_ = 0.0, middle_turn_z_ = 0.0;  ///< d(rim edge's middle) / d(arm angle)
   double edge_turn_ = 0.0;                            ///< d(half rim edge) / d(arm angle)

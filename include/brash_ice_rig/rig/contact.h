@@ -34,8 +34,8 @@ struct ContactSum {
 class RigContact {
  public:
   /// @param bulk_modulus_pa  as used in the step, i.e. scaled
-  RigContact(const ContactConfig& config, const CollectorConfig& collector, double bulk_modulus_pa,
-             double spacing_m, double particle_mass_kg, std::size_t particle_count);
+  RigContact(const ContactConfig& config, const CollectorConfig& collector, double bulk_modulus_pa, double spacing_m,
+             double particle_mass_kg, std::size_t particle_count);
 
   /// Computes the force on each particle. Serial, in particle order, so that the sum repeats bit for bit.
   ContactSum update(double time_step_s, const SphBody& ice, const Collector& collector,

@@ -18,6 +18,6 @@ inline bool isRaised(const Eigen::Vector3d& site_m, const Eigen::Vector3d& posit
 /// @param position_m  present positions, in the same order
 /// A hole site counts as refilled when a particle that is not raised lies within half a spacing of it.
 PlugSummary computePlug(const std::vector<Eigen::Vector3d>& site_m, const std::vector<Eigen::Vector3d>& position_m,
-                      double spacing_m, double particle_mass_kg);
+                        double spacing_m, double particle_mass_kg);
 
 }  // namespace brash_ice_rig

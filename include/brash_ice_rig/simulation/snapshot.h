@@ -17,18 +17,19 @@ const char* stageName(Stage stage);
 
 /// Vertical forces in N. Those on the load cell add up to its tension (positive: the rig pulls down on the crane):
 /// tension = weight - buoyancy + ice_normal + ice_friction + inertia.
-/// Those on the plug follow Fig. 4 of the paper: plug_friction is what the plug's own weight, buoyancy and drag leave of
-/// the ice force, i.e. what the surrounding ice adds by friction and cohesion (and, while the plug accelerates, inertia).
+/// Those on the plug follow Fig. 4 of the paper: plug_friction is what the plug's own weight, buoyancy and drag leave
+/// of the ice force, i.e. what the surrounding ice adds by friction and cohesion (and, while the plug accelerates,
+/// inertia).
 struct ForceBalance {
-  double weight_n = 0.0;          ///< collector and pole, > 0
-  double buoyancy_n = 0.0;        ///< of collector and pole, > 0
-  double ice_normal_n = 0.0;      ///< ice on net and pole, normal part, > 0 down
-  double ice_friction_n = 0.0;    ///< ice on net and pole, tangential part, > 0 down
-  double inertia_n = 0.0;         ///< mass of collector and pole times upward acceleration
-  double plug_gravity_n = 0.0;    ///< weight of the raised ice, > 0
-  double plug_buoyancy_n = 0.0;   ///< buoyancy of the raised ice, > 0
-  double plug_drag_n = 0.0;       ///< water drag on the raised ice, > 0 when it opposes lifting
-  double plug_friction_n = 0.0;   ///< see above, > 0 when it adds to the load
+  double weight_n = 0.0;         ///< collector and pole, > 0
+  double buoyancy_n = 0.0;       ///< of collector and pole, > 0
+  double ice_normal_n = 0.0;     ///< ice on net and pole, normal part, > 0 down
+  double ice_friction_n = 0.0;   ///< ice on net and pole, tangential part, > 0 down
+  double inertia_n = 0.0;        ///< mass of collector and pole times upward acceleration
+  double plug_gravity_n = 0.0;   ///< weight of the raised ice, > 0
+  double plug_buoyancy_n = 0.0;  ///< buoyancy of the raised ice, > 0
+  double plug_drag_n = 0.0;      ///< water drag on the raised ice, > 0 when it opposes lifting
+  double plug_friction_n = 0.0;  ///< see above, > 0 when it adds to the load
 };
 
 /// Crane tip, pole and collector.
@@ -57,8 +58,8 @@ struct PlugSummary {
 struct Snapshot {
   double time_s = 0.0;  ///< 0 is the end of settling; negative before
   Stage stage = Stage::kSettle;
-  double force_n = 0.0;           ///< load-cell reading with sensor errors and tare
-  double tension_n = 0.0;         ///< the truth behind it
+  double force_n = 0.0;                                         ///< load-cell reading with sensor errors and tare
+  double tension_n = 0.0;                                       ///< the truth behind it
   Eigen::Vector3d support_n = Eigen::Vector3d::Zero();          ///< true force of the crane on the rig; z = tension_n
   Eigen::Vector3d load_cell_force_n = Eigen::Vector3d::Zero();  ///< its reading along x, y, and z = force_n
   Eigen::Vector3d ice_force_n = Eigen::Vector3d::Zero();        ///< of the ice on net and pole, frame map

@@ -74,8 +74,7 @@ class SphBody {
 #pragma omp for schedule(static) nowait
     for (std::size_t i = 0; i < size(); ++i) {
       if (fixed_[i]) continue;
-      const Eigen::Vector4f velocity =
-          velocity_[i] * decay + dt_over_mass * (internalForce(i) + external(i));
+      const Eigen::Vector4f velocity = velocity_[i] * decay + dt_over_mass * (internalForce(i) + external(i));
       const float speed_squared = velocity.head<3>().squaredNorm();
       if (!(speed_squared < kFastest * kFastest)) {  // written so that NaN is caught too
         sound = false;
@@ -99,19 +98,33 @@ class SphBody {
   }
 
   /// False after updateMotion() met a velocity that cannot be: the integration has broken down.
-  bool sound() const { return sound_; }
+  bool sound() const {
+    return sound_;
+  }
 
   /// N, from stress and viscosity, of the last updateStress(); w = 0.
   Eigen::Vector4f internalForce(std::size_t i) const;
 
-  const std::vector<Eigen::Vector3d>& position() const { return position_; }
-  const AlignedVector<Eigen::Vector4f>& velocity() const { return velocity_; }
+  const std::vector<Eigen::Vector3d>& position() const {
+    return position_;
+  }
+  const AlignedVector<Eigen::Vector4f>& velocity() const {
+    return velocity_;
+  }
   /// In the order of material.h, Pa, tension positive.
-  const std::array<std::vector<float>, kComponents>& stress() const { return stress_; }
+  const std::array<std::vector<float>, kComponents>& stress() const {
+    return stress_;
+  }
   /// One array per entry of the material's stateNames().
-  const std::vector<std::vector<float>>& state() const { return state_; }
-  const std::vector<float>& volume() const { return volume_; }
-  bool isFixed(std::size_t i) const { return fixed_[i] != 0; }
+  const std::vector<std::vector<float>>& state() const {
+    return state_;
+  }
+  const std::vector<float>& volume() const {
+    return volume_;
+  }
+  bool isFixed(std::size_t i) const {
+    return fixed_[i] != 0;
+  }
 
   /// Velocity gradient dv_a/dx_b of particle i, 1/s, from the cached gradients and the present velocities.
   Eigen::Matrix3f velocityGradient(std::size_t i) const;
@@ -153,10 +166,10 @@ class SphBody {
   AlignedVector<Eigen::Vector4f> pair_;
   std::vector<std::int32_t> neighbour_;
   std::vector<std::int32_t> row_count_;
-  AlignedVector<Matrix43f> correction_;       ///< B_i, row w = 0
+  AlignedVector<Matrix43f> correction_;          ///< B_i, row w = 0
   AlignedVector<Eigen::Vector4f> gradient_sum_;  ///< sum_j V_j grad W_ij
   std::vector<float> cached_volume_;
-  double travelled_ = 0.0;                  ///< upper bound of any particle's way since the last refresh
+  double travelled_ = 0.0;  ///< upper bound of any particle's way since the last refresh
   double travelled_since_search_ = 0.0;
   bool search_due_ = true, refresh_due_ = true;
 

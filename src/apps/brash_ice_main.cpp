@@ -7,7 +7,6 @@
 #include <cmath>
 #include <csignal>
 #include <cstdio>
-#include <cstdlib>
 #include <exception>
 #include <filesystem>
 #include <limits>
@@ -21,6 +20,7 @@
 #include "brash_ice_rig/output/run_writer.h"
 #include "brash_ice_rig/output/vtk_writer.h"
 #include "brash_ice_rig/simulation/simulation.h"
+#include "brash_ice_rig/simulation/waiting_threads.h"
 #include "brash_ice_rig/version.h"
 
 namespace brash_ice_rig {
@@ -193,15 +193,6 @@ int runProgram(int argc, char** argv) {
   if (!vtk_interval_s.empty()) sources.settings.push_back("output.vtk_interval_s=" + vtk_interval_s);
   if (directory.empty()) directory = std::filesystem::path(sources.file).stem().string() + "_run";
   return run(sources, directory);
-}
-
-/// Threads that spin at a barrier slow a run down several times as soon as another program wants a core. Waiting
-/// threads must sleep instead, which the OpenMP runtime only takes from the environment, and before main(): so the
-/// program starts itself once more. If that fails, it goes on as it is.
-void letWaitingThreadsSleep(char** argv) {
-  constexpr const char* kVariable = "OMP_WAIT_POLICY";
-  if (std::getenv(kVariable) != nullptr || setenv(kVariable, "passive", 1) != 0) return;
-  execv("/proc/self/exe", argv);
 }
 
 }  // namespace

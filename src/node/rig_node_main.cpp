@@ -8,9 +8,11 @@
 
 #include "brash_ice_rig/node/node_options.h"
 #include "brash_ice_rig/node/rig_node.h"
+#include "brash_ice_rig/simulation/waiting_threads.h"
 
 int main(int argc, char** argv) {
   using namespace brash_ice_rig;
+  letWaitingThreadsSleep(argv);
   ros::init(argc, argv, "rig_node");
   try {
     ros::NodeHandle node, private_node("~");

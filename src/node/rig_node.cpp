@@ -276,10 +276,17 @@ RigNode::Answer RigNode::reset() {
   clock_offset_s_ = last_stamp_s + simulation_->samplePeriod() - simulation_->snapshot().time_s;
   script_done_ = false;
   raised_ = StatusFlags();
-  startRun();
+  std::string message = paused_ ? "back at the start, paused" : "back at the start";
+  try {
+    startRun();
+  } catch (const OutputError& error) {  // the rig is back at the start all the same
+    ROS_ERROR("%s; this run is not recorded", error.what());
+    failed_ = true;
+    message += std::string(", not recorded: ") + error.what();
+  }
   pacer_.restart(WallClock::now());
   next_status_ = WallClock::now();
-  return {true, paused_ ? "back at the start, paused" : "back at the start"};
+  return {true, message};
 }
 
 RigNode::Answer RigNode::step(double duration_s) {
@@ -321,9 +328,18 @@ void RigNode::finishRun(bool interrupted) {
   if (!files_) return;
   try {
     files_->finish(*simulation_, compute_s_, interrupted);
-    plot_ = std::async(std::launch::async, plotRun, files_->directory());
+    // One plot after the other, and in the background: a reset must not wait for the plot of the run before.
+    plot_ = std::async(std::launch::async, [before = std::move(plot_), directory = files_->directory()] {
+      if (before.valid()) before.wait();
+      plotRun(directory);
+    });
   } catch (const OutputError& error) {
-    ROS_ERROR("%s", error.what());
+    // A shutdown closes ROS's log first, and a run ended by Ctrl-C would lose its files without a word.
+    if (ros::ok()) {
+      ROS_ERROR("%s", error.what());
+    } else {
+      std::fprintf(stderr, "%s\n", error.what());
+    }
     failed_ = true;
   }
   files_.reset();

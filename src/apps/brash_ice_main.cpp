@@ -1,5 +1,6 @@
 // brash_ice: runs and checks pull-up scenarios without ROS.
 
+#include <fcntl.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -195,11 +196,19 @@ int runProgram(int argc, char** argv) {
   return run(sources, directory);
 }
 
+/// A file that is opened while a standard stream is closed takes its place, and progress lines end up in force.csv.
+void occupyClosedStreams() {
+  int descriptor = open("/dev/null", O_RDWR);
+  while (descriptor >= 0 && descriptor <= STDERR_FILENO) descriptor = dup(descriptor);
+  if (descriptor >= 0) close(descriptor);
+}
+
 }  // namespace
 }  // namespace brash_ice_rig
 
 int main(int argc, char** argv) {
   using namespace brash_ice_rig;
+  occupyClosedStreams();
   letWaitingThreadsSleep(argv);
   try {
     return runProgram(argc, argv);

@@ -77,14 +77,14 @@ std::optional<double> availableMemory() {
   return std::nullopt;
 }
 
-void checkSize(const FieldConfig& field) {
+void checkSize(const FieldConfig& field, const SolverConfig& solver) {
   const double count = particleCount(field);
   constexpr double kMaxCount = std::numeric_limits<int>::max();
   const std::string remedy = "; choose a larger spacing or a smaller field";
   const std::string particles = "makes " + rounded(count / 1.0e6) + " million particles";
   require(count <= kMaxCount, "field.spacing_m", field.spacing_m,
           particles + ", at most " + rounded(kMaxCount / 1.0e6) + " million can be numbered" + remedy);
-  const double needed = count * kBytesPerParticle;
+  const double needed = count * bytesPerParticle(solver);
   const std::optional<double> available = availableMemory();
   require(!available || needed <= *available, "field.spacing_m", field.spacing_m,
           particles + ", which need about " + rounded(needed / 1.0e9) + " GB of memory, but only " +
@@ -170,6 +170,12 @@ double particleCount(const FieldConfig& field) {
          sitesAlong(field.thickness_m, field.spacing_m);
 }
 
+double bytesPerParticle(const SolverConfig& solver) {
+  constexpr double kState = 1000.0, kNeighbour = 30.0;
+  const double reach = 2.0 * solver.smoothing_ratio + solver.neighbour_skin_ratio;  // in spacings
+  return kState + kNeighbour * 4.0 / 3.0 * std::acos(-1.0) * reach * reach * reach;
+}
+
 double latticeThickness(const FieldConfig& field) {
   return sitesAlong(field.thickness_m, field.spacing_m) * field.spacing_m;
 }
@@ -211,7 +217,7 @@ void Scenario::validate() const {
   copy.visit(checker);
 
   checkField(field);
-  checkSize(field);
+  checkSize(field, solver);
   checkFloats(*this);
   checkCollector(*this);
   checkContact(contact);

@@ -21,6 +21,7 @@ constexpr double kFirstStamp_s = 1.0;    // ROS takes time 0 for "no clock yet"
 constexpr double kIdleCreep_s = 1.0e-6;  // see publishIdleFrame()
 constexpr double kLongestStep_s = 3600.0;
 constexpr double kCommandLogInterval_s = 2.0;
+constexpr std::chrono::seconds kOverloadLogInterval{30};
 constexpr std::chrono::seconds kCommanderMemory{1};  // wall time for which a sender of commands counts as active
 
 bool isFinite(const geometry_msgs::Vector3& vector) {
@@ -214,6 +215,7 @@ void RigNode::simulateUntilEnd() {
       failed_ = failed_ || simulation_->frozen();
       finishRun(false);
       if (options_.exit_at_end) return;
+      ROS_INFO("the test is done; the simulation goes on. Ctrl-C ends it, the service rig_node/reset repeats the test");
     }
     const bool running = !idle();
     if (running && now >= pacer_.due()) {
@@ -276,10 +278,17 @@ RigNode::Answer RigNode::reset() {
   clock_offset_s_ = last_stamp_s + simulation_->samplePeriod() - simulation_->snapshot().time_s;
   script_done_ = false;
   raised_ = StatusFlags();
-  startRun();
+  std::string message = paused_ ? "back at the start, paused" : "back at the start";
+  try {
+    startRun();
+  } catch (const OutputError& error) {  // the rig is back at the start all the same
+    ROS_ERROR("%s; this run is not recorded", error.what());
+    failed_ = true;
+    message += std::string(", not recorded: ") + error.what();
+  }
   pacer_.restart(WallClock::now());
   next_status_ = WallClock::now();
-  return {true, paused_ ? "back at the start, paused" : "back at the start"};
+  return {true, message};
 }
 
 RigNode::Answer RigNode::step(double duration_s) {
@@ -321,9 +330,18 @@ void RigNode::finishRun(bool interrupted) {
   if (!files_) return;
   try {
     files_->finish(*simulation_, compute_s_, interrupted);
-    plot_ = std::async(std::launch::async, plotRun, files_->directory());
+    // One plot after the other, and in the background: a reset must not wait for the plot of the run before.
+    plot_ = std::async(std::launch::async, [before = std::move(plot_), directory = files_->directory()] {
+      if (before.valid()) before.wait();
+      plotRun(directory);
+    });
   } catch (const OutputError& error) {
-    ROS_ERROR("%s", error.what());
+    // A shutdown closes ROS's log first, and a run ended by Ctrl-C would lose its files without a word.
+    if (ros::ok()) {
+      ROS_ERROR("%s", error.what());
+    } else {
+      std::fprintf(stderr, "%s\n", error.what());
+    }
     failed_ = true;
   }
   files_.reset();
@@ -454,6 +472,9 @@ void RigNode::publishStatus(WallClock::time_point now) {
     if ((flags_before & static_cast<std::uint32_t>(flag)) == 0) news.set(flag);
   }
   for (const StatusFlag flag : activeFlags(news)) {
+    // A computer at its limit is overloaded on and off; the factor is in each line of progress anyway.
+    if (flag == StatusFlag::kOverload && now < next_overload_log_) continue;
+    if (flag == StatusFlag::kOverload) next_overload_log_ = now + kOverloadLogInterval;
     ROS_WARN("%s: %s (t = %.2f s, real-time factor %.2f)", statusName(flag), statusRemedy(flag), snapshot.time_s,
              status_.real_time_factor);
   }

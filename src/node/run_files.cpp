@@ -41,8 +41,15 @@ void plotRun(const std::string& directory) {
   const fs::path program = fs::read_symlink("/proc/self/exe", error).parent_path() / "plot_force";
   std::string program_text = program.string(), force_csv = directory + "/force.csv";
   char* const arguments[] = {program_text.data(), force_csv.data(), nullptr};
+  // In a process group of its own, so that a Ctrl-C for the node does not end the plot of what the node has left.
+  posix_spawnattr_t attributes;
+  posix_spawnattr_init(&attributes);
+  posix_spawnattr_setpgroup(&attributes, 0);
+  posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
   pid_t child = 0;
-  if (const int code = posix_spawn(&child, program_text.c_str(), nullptr, nullptr, arguments, environ); code != 0) {
+  const int code = posix_spawn(&child, program_text.c_str(), nullptr, &attributes, arguments, environ);
+  posix_spawnattr_destroy(&attributes);
+  if (code != 0) {
     std::fprintf(stderr, "no force plot: %s: %s\n", program_text.c_str(), std::strerror(code));
     return;
   }

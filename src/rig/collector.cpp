@@ -121,8 +121,9 @@ double Collector::weight() const {
 }
 
 double Collector::buoyancy(double hub_height_m, double water_density_kgpm3) const {
-  const double height = std::max(arm_length_ * std::abs(std::sin(armAngle())), 1.0e-3);
-  const double collector_share = std::clamp(-hub_height_m / height, 0.0, 1.0);
+  const double tip = arm_length_ * std::sin(armAngle());  // over the hub; below it where the arms droop
+  const double lowest = hub_height_m + std::min(tip, 0.0);
+  const double collector_share = std::clamp(-lowest / std::max(std::abs(tip), 1.0e-3), 0.0, 1.0);
   const double pole_depth = std::clamp(-hub_height_m, 0.0, config_.pole_length_m);
   const double pole_volume = kPi * config_.pole_radius_m * config_.pole_radius_m * pole_depth;
   return (collector_share * config_.displaced_volume_m3 + pole_volume) * water_density_kgpm3 * kGravityMps2;

@@ -20,7 +20,8 @@ void LoadCell::sample() {
   for (Eigen::Index axis = 0; axis < 3; ++axis) {
     double value = lagged_[axis] + config_.bias_n;
     if (config_.noise_n > 0.0) value += config_.noise_n * noise_(generator_);
-    if (config_.resolution_n > 0.0) value = config_.resolution_n * std::round(value / config_.resolution_n);
+    // Not by dividing: the quotient overflows for a tiny resolution.
+    if (config_.resolution_n > 0.0) value -= std::remainder(value, config_.resolution_n);
     reading_[axis] = value - tare_[axis];
   }
 }

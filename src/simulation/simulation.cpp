@@ -49,8 +49,9 @@ IceField makeFieldAroundRig(const Scenario& s) {
     for (auto& p : field.position_m) {
       const double distance = p.head<2>().norm();
       if (distance >= clearance) continue;
+      // One on the axis goes between the lattice's directions: along x it could meet its neighbour.
       const Eigen::Vector2d outward =
-          distance > 0.0 ? Eigen::Vector2d(p.head<2>() / distance) : Eigen::Vector2d::UnitX();
+          distance > 0.0 ? Eigen::Vector2d(p.head<2>() / distance) : Eigen::Vector2d(2.0, 1.0).normalized();
       p.head<2>() = clearance * outward;
     }
   }
@@ -231,10 +232,12 @@ void Simulation::Impl::moveRig() {
     }
   } else {
     wanted.z() = order.hoist_speed_mps;
-    fold_target = order.fold_target;
   }
+  // A fold command comes only once, so that one from the time of settling has to be kept until it counts.
+  if (scenario.procedure.control == ControlMode::kScripted) fold_target = order.fold_target;
+  const double fold_order = procedure.stage() == Stage::kManual ? fold_target : order.fold_target;
   crane.step(time_step, wanted, flags);
-  collector.step(time_step, fold_target, contact_sum.opening_moment_nm, flags);
+  collector.step(time_step, fold_order, contact_sum.opening_moment_nm, flags);
   ++step_count;
   updateForces();
   if (step_count % steps_per_sample == 0) load_cell.sample();
@@ -336,8 +339,8 @@ Snapshot Simulation::snapshot() const {
   ForceBalance& c = snapshot.components;
   c.weight_n = world.collector.weight();
   c.buoyancy_n = world.collector.buoyancy(world.hubHeight(), world.scenario.water.density_kgpm3);
-  c.ice_normal_n = -world.contact_sum.normal_n.z();
-  c.ice_friction_n = -world.contact_sum.friction_n.z();
+  c.ice_normal_n = 0.0 - world.contact_sum.normal_n.z();  // not -0 where there is no ice
+  c.ice_friction_n = 0.0 - world.contact_sum.friction_n.z();
   c.inertia_n = world.collector.mass() * world.crane.acceleration().z();
   snapshot.support_n = world.support;
   snapshot.tension_n = world.support.z();

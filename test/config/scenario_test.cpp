@@ -183,13 +183,23 @@ TEST(Scenario, FieldBeyondMemoryIsRefusedWithTheEstimate) {
     s.field.thickness_m = 20.0;
     s.field.spacing_m = 0.25;
   });
-  // 4000 x 4000 x 80 particles of 3000 bytes; no machine that runs these tests has 3.84 TB.
+  // 4000 x 4000 x 80 particles of 3084 bytes; no machine that runs these tests has 3.9 TB.
   EXPECT_EQ(
-      text.rfind("field.spacing_m = 0.25, makes 1280 million particles, which need about 3840 GB of memory, but only ",
-                 0),
+      text.rfind(
+          "field.spacing_m = 0.25, makes 1280 million particles, which need about 3947.107 GB of memory, but only ", 0),
       0u)
       << text;
   EXPECT_NE(text.find(" GB are free; choose a larger spacing or a smaller field"), std::string::npos) << text;
+}
+
+TEST(Scenario, WiderNeighbourhoodsNeedMoreMemory) {
+  // Measured in fields of 20,000 particles, whose edges have fewer neighbours: 2.0 kB, 5.9 kB, 8.9 kB.
+  SolverConfig solver;
+  EXPECT_GT(bytesPerParticle(solver), 2017.0);
+  solver.smoothing_ratio = 2.0;
+  EXPECT_GT(bytesPerParticle(solver), 5924.0);
+  solver.neighbour_skin_ratio = 1.0;
+  EXPECT_GT(bytesPerParticle(solver), 8887.0);
 }
 
 TEST(Scenario, FieldBeyondCountingIsRefused) {

@@ -117,6 +117,16 @@ TEST_F(ProgramTest, UnwritableDirectoryFailsTheRun) {
   EXPECT_TRUE(contains(outcome.text, "small.yaml/run: Not a directory")) << outcome.text;
 }
 
+TEST_F(ProgramTest, ClosedStreamsLeaveTheFilesAlone) {
+  EXPECT_EQ(program("run small.yaml --out open").exit_code, 0);
+  EXPECT_EQ(program("run small.yaml --out shut <&- >&- 2>&-;").exit_code, 0);
+  const auto read = [this](const std::string& name) {
+    std::ifstream in(directory_.file(name));
+    return std::string(std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>());
+  };
+  EXPECT_EQ(read("shut/force.csv"), read("open/force.csv"));
+}
+
 TEST_F(ProgramTest, FullDiskFailsTheRunAndLeavesNoSummary) {
   std::filesystem::create_directory(directory_.file("run"));
   std::filesystem::create_symlink("/dev/full", directory_.file("run/force.csv"));

@@ -142,5 +142,19 @@ TEST(Collector, BuoyancyIsArchimedes) {
   EXPECT_NEAR(collector.buoyancy(-2.0, 1000.0), expected, 1e-9);
 }
 
+TEST(Collector, DroopingArmsFloatAsFarAsTheyReachIntoTheWater) {
+  CollectorConfig config;
+  config.fault = FoldFault::kNoLock;
+  Collector collector(config, true);
+  StatusFlags flags;
+  for (int k = 0; k < 10000; ++k) collector.step(0.01, 1.0, 1.0e6, flags);
+  const double depth = -collector.armTip(0).z();
+  ASSERT_GT(depth, 1.0);
+  const double full = 0.02 * 1000.0 * 9.81;
+  EXPECT_NEAR(collector.buoyancy(0.5 * depth, 1000.0), 0.5 * full, 1e-9);  // hub in the air, tips in the water
+  EXPECT_EQ(collector.buoyancy(depth, 1000.0), 0.0);
+  EXPECT_NEAR(collector.buoyancy(0.0, 1000.0), full, 1e-9);
+}
+
 }  // namespace
 }  // namespace brash_ice_rig

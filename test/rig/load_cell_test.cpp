@@ -56,6 +56,15 @@ TEST(LoadCell, ResolutionRoundsToItsSteps) {
   EXPECT_DOUBLE_EQ(cell.reading().z(), 5050.0);
 }
 
+TEST(LoadCell, TinyResolutionReadsTheTruth) {
+  LoadCellConfig config;
+  config.resolution_n = 1.0e-310;
+  LoadCell cell(config);
+  cell.step(0.01, kForce);
+  cell.sample();
+  EXPECT_EQ(cell.reading(), kForce);
+}
+
 TEST(LoadCell, NoiseHasItsStandardDeviationAndItsSeed) {
   LoadCellConfig config;
   config.noise_n = 88.0;

@@ -1,8 +1,12 @@
 #include <array>
 #include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <future>
 #include <string>
 
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include "test_support.h"
 
@@ -72,6 +76,49 @@ TEST(UrdfInput, BadScenarioEndsTheProgramWithCode2) {
   const Outcome outcome = runCommand(RIG_URDF " /nonexistent.yaml '' '' ''");
   EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_NE(outcome.text.find("/nonexistent.yaml"), std::string::npos) << outcome.text;
+}
+
+/// A node that writes into a directory of its own and is interrupted after 6 s.
+class LostFiles : public testing::Test {
+ protected:
+  void TearDown() override { std::filesystem::remove_all(directory_); }
+
+  std::future<Outcome> startNode(const std::string& name) const {
+    return std::async(std::launch::async, runCommand,
+                      "timeout --preserve-status -s INT 6 " RIG_NODE " __name:=" + name + " " + kSmall +
+                          " _output_dir:=" + directory_.string());
+  }
+
+  const std::filesystem::path directory_ =
+      std::filesystem::temp_directory_path() / ("brash_ice_rig_lost_files_" + std::to_string(getpid()));
+};
+
+TEST_F(LostFiles, ResetThatCannotRecordStillResetsAndSaysSo) {
+  std::filesystem::create_directories(directory_);
+  std::ofstream(directory_ / "run_2") << "in the way";
+  auto node = startNode("blocked");
+  const auto answer = callTrigger("blocked/reset");
+  EXPECT_TRUE(answer.success) << answer.message;
+  EXPECT_NE(answer.message.find("run_2"), std::string::npos) << answer.message;
+  EXPECT_EQ(node.get().exit_code, 1);
+}
+
+TEST_F(LostFiles, ResetDoesNotWaitForThePlotOfTheRunBefore) {
+  auto node = startNode("plotting");
+  ASSERT_TRUE(ros::service::waitForService("plotting/reset", 15000));
+  const auto start = ros::SteadyTime::now();
+  for (int k = 0; k < 4; ++k) EXPECT_TRUE(callTrigger("plotting/reset").success);
+  EXPECT_LT((ros::SteadyTime::now() - start).toSec(), 1.0);  // one plot takes about that long
+  node.wait();
+}
+
+TEST_F(LostFiles, InterruptedNodeNamesTheFileThatItCouldNotWrite) {
+  auto node = startNode("lost");
+  ASSERT_TRUE(ros::service::waitForService("lost/reset", 15000));
+  std::filesystem::remove_all(directory_);
+  const Outcome outcome = node.get();
+  EXPECT_EQ(outcome.exit_code, 1);
+  EXPECT_NE(outcome.text.find("summary.json: No such file"), std::string::npos) << outcome.text;
 }
 
 }  // namespace

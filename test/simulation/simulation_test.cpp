@@ -59,6 +59,23 @@ TEST(Simulation, StepDividesTheSamplePeriodAndObeysCfl) {
   EXPECT_LE(simulation.timeStep(), 0.5 * 0.36 / 58.0);
 }
 
+TEST(Simulation, NoTwoParticlesBeginAtOneSpot) {
+  // An odd number of columns puts one on the axis, where the pole pushes it aside.
+  for (const double pole_radius : {0.05, 0.15, 0.2, 0.3}) {
+    Scenario s = smallScenario();
+    s.field.length_x_m = s.field.length_y_m = 6.3;
+    s.collector.pole_radius_m = pole_radius;
+    const ParticleCloud cloud = Simulation(s).particles();
+    for (std::size_t i = 0; i < cloud.size(); ++i) {
+      for (std::size_t j = 0; j < i; ++j) {
+        const float apart =
+            std::hypot(cloud.x_m[i] - cloud.x_m[j], cloud.y_m[i] - cloud.y_m[j], cloud.z_m[i] - cloud.z_m[j]);
+        ASSERT_GT(apart, 0.3f * 0.3f) << "pole of " << pole_radius << " m";
+      }
+    }
+  }
+}
+
 TEST(FloatingField, StaysAtRestAndExertsNoForce) {
   Scenario s = smallScenario();
   s.procedure.start_gap_m = 1.0;
@@ -285,6 +302,16 @@ TEST(Commands, FoldTargetOpensAndClosesTheCollector) {
   simulation.setFoldTarget(0.0);
   simulation.advance(5.0);
   EXPECT_NEAR(simulation.snapshot().rig.fold_ratio, 0.5, 1e-3);
+}
+
+TEST(Commands, FoldTargetGivenWhileSettlingCountsAfterwards) {
+  Simulation simulation(manualScenario());
+  simulation.advance(0.5);
+  simulation.setFoldTarget(1.0);
+  simulation.advance(0.5);
+  EXPECT_EQ(simulation.snapshot().rig.fold_ratio, 0.0);
+  simulation.advance(1.0);
+  EXPECT_NEAR(simulation.snapshot().rig.fold_ratio, 0.1, 1e-3);
 }
 
 TEST(Tare, MakesTheHangingRigReadZero) {

@@ -255,7 +255,7 @@ struct SolverConfig {
   template <class Visitor>
   void visit(Visitor& v) {
     v("stiffness_scale", stiffness_scale, Range{1.0e-5, 1.0}, "factor on the elastic modulus; sets the time step");
-    v("cfl_ratio", cfl_ratio, Range{0.0, 0.9, true}, "time step times wave speed over smoothing length, at most");
+    v("cfl_ratio", cfl_ratio, Range{0.001, 0.9}, "time step times wave speed over smoothing length, at most");
     v("smoothing_ratio", smoothing_ratio, Range{1.0, 2.0}, "smoothing length over spacing");
     v("viscosity_ratio", viscosity_ratio, Range{0.0, 1.0}, "alpha of the Monaghan viscosity");
     v("viscosity_speed_mps", viscosity_speed_mps, Range{0.0, 5000.0}, "wave speed in the viscosity, fixed on purpose");
@@ -318,8 +318,9 @@ struct Scenario {
 /// Standard gravity as the paper uses it, m/s².
 constexpr double kGravityMps2 = 9.81;
 
-/// Working memory that one particle takes, bytes: neighbour list with cached gradients, state and copies, rounded up.
-constexpr double kBytesPerParticle = 3000.0;
+/// Working memory that one particle takes, bytes, rounded up: state and copies, and the list of its neighbours with
+/// cached gradients, which grows with the cube of their distance.
+double bytesPerParticle(const SolverConfig& solver);
 
 /// Lattice sites along one length of the field: the length over the spacing, rounded; ≥ 0. A double, because a typing
 /// error in the spacing must not overflow before validate() has refused it.

@@ -129,6 +129,7 @@ class RigNode {
   StatusFlags raised_;                        ///< since the last status message
   std::atomic<bool> command_refused_{false};  ///< by the node: bad frame; moves into raised_
   WallClock::time_point next_status_{};
+  WallClock::time_point next_overload_log_{};
   WallClock::time_point last_diagnostics_{};
   double sample_rate_hz_ = 0.0;  ///< load-cell samples per wall s between the last two diagnostics
   std::uint64_t samples_since_diagnostics_ = 0;

@@ -13,11 +13,11 @@ Crane::Crane(const CraneConfig& config, const Eigen::Vector3d& position_m)
       position_(position_m) {}
 
 double Crane::stoppingSpeed(double distance_m, double time_step_s) const {
-  if (distance_m <= 0.0) return 0.0;
-  // Braking at a from v over whole steps covers v²/(2 a) + v dt/2; solved for v.
+  // Braking at a from v in whole steps covers v²/(2 a) + v dt/2, and up to a dt²/8 more where v is no multiple of a dt.
   const double a = config_.max_acceleration_mps2;
   const double half = 0.5 * a * time_step_s;
-  return std::min(-half + std::sqrt(half * half + 2.0 * a * distance_m), distance_m / time_step_s);
+  const double distance = distance_m - 0.125 * a * time_step_s * time_step_s;
+  return distance > 0.0 ? -half + std::sqrt(half * half + 2.0 * a * distance) : 0.0;
 }
 
 void Crane::step(double time_step_s, const Eigen::Vector3d& wanted_mps, StatusFlags& flags) {

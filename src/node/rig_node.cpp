@@ -17,10 +17,10 @@
 namespace brash_ice_rig {
 namespace {
 
-constexpr double kFirstStamp_s = 1.0;    // ROS takes time 0 for "no clock yet"
-constexpr double kIdleCreep_s = 1.0e-6;  // see publishIdleFrame()
-constexpr double kLongestStep_s = 3600.0;
-constexpr double kCommandLogInterval_s = 2.0;
+constexpr double kFirstStampS = 1.0;    // ROS takes time 0 for "no clock yet"
+constexpr double kIdleCreepS = 1.0e-6;  // see publishIdleFrame()
+constexpr double kLongestStepS = 3600.0;
+constexpr double kCommandLogIntervalS = 2.0;
 constexpr std::chrono::seconds kOverloadLogInterval{30};
 constexpr std::chrono::seconds kCommanderMemory{1};  // wall time for which a sender of commands counts as active
 
@@ -50,7 +50,7 @@ RigNode::RigNode(const NodeOptions& options, const ros::NodeHandle& node, const 
       private_node_(private_node) {
   steps_per_sample_ =
       static_cast<std::uint64_t>(std::max(1L, std::lround(simulation_->samplePeriod() / simulation_->timeStep())));
-  clock_offset_s_ = kFirstStamp_s - simulation_->snapshot().time_s;
+  clock_offset_s_ = kFirstStampS - simulation_->snapshot().time_s;
   startRun();
 
   if (options_.publish_clock) clock_publisher_ = node_.advertise<rosgraph_msgs::Clock>(topics::kClock, 10);
@@ -138,15 +138,15 @@ void RigNode::onCraneCommand(const ros::MessageEvent<geometry_msgs::TwistStamped
                            frame == options_.frame_prefix + frames::kCraneTip;
   // Nobody can tell which of two drivers means it: the crane obeys neither and stops.
   if (countCommanders(event.getPublisherName()) > 1) {
-    ROS_WARN_STREAM_THROTTLE(kCommandLogInterval_s, "more than one node commands " << topics::kCraneCommand
-                                                                                   << "; refused a command from "
-                                                                                   << event.getPublisherName());
+    ROS_WARN_STREAM_THROTTLE(kCommandLogIntervalS, "more than one node commands " << topics::kCraneCommand
+                                                                                  << "; refused a command from "
+                                                                                  << event.getPublisherName());
     velocity.setZero();
   } else if (!known_frame || !isFinite(command.twist.angular)) {
-    ROS_WARN_STREAM_THROTTLE(kCommandLogInterval_s, "refused a command on " << topics::kCraneCommand << " in frame \""
-                                                                            << frame << "\"; must be in "
-                                                                            << frames::kCraneTip << " or "
-                                                                            << frames::kMap << " and finite");
+    ROS_WARN_STREAM_THROTTLE(kCommandLogIntervalS, "refused a command on " << topics::kCraneCommand << " in frame \""
+                                                                           << frame << "\"; must be in "
+                                                                           << frames::kCraneTip << " or "
+                                                                           << frames::kMap << " and finite");
     command_refused_ = true;
     velocity.setZero();
   }
@@ -295,8 +295,8 @@ RigNode::Answer RigNode::step(double duration_s) {
   char text[160];
   if (!paused_) return {false, "is running; call ~pause before ~step"};
   if (simulation_->frozen()) return {false, "the world is frozen by a non-finite state; call ~reset"};
-  if (!(duration_s > 0.0 && duration_s <= kLongestStep_s)) {
-    std::snprintf(text, sizeof text, "duration_s = %g, must lie in (0, %g]", duration_s, kLongestStep_s);
+  if (!(duration_s > 0.0 && duration_s <= kLongestStepS)) {
+    std::snprintf(text, sizeof text, "duration_s = %g, must lie in (0, %g]", duration_s, kLongestStepS);
     return {false, text};
   }
   const auto wanted = static_cast<std::uint64_t>(std::max(1LL, std::llround(duration_s / simulation_->timeStep())));
@@ -402,7 +402,7 @@ void RigNode::publishSample(const Snapshot& snapshot) {
 void RigNode::publishIdleFrame() {
   // A node or rviz that joins a resting rig wants the clock and the transforms, but tf2 complains about a second
   // transform with the stamp of the first. So time creeps on by a microsecond; load-cell samples are not repeated.
-  clock_offset_s_ += kIdleCreep_s;
+  clock_offset_s_ += kIdleCreepS;
   const Snapshot snapshot = simulation_->snapshot();
   const Stamp now = stamp(snapshot.time_s);
   publishClock(now);

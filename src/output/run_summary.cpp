@@ -50,9 +50,9 @@ std::string rounded(double value, int decimals) {
 
 ForceStatistics::ForceStatistics(double sample_period_s) {
   assert(sample_period_s > 0.0);
-  const auto half = static_cast<std::size_t>(std::lround(0.5 * kPeakWindow_s / sample_period_s));
+  const auto half = static_cast<std::size_t>(std::lround(0.5 * kPeakWindowS / sample_period_s));
   peak_samples_ = 2 * half + 1;
-  residual_samples_ = std::max<std::size_t>(1, std::lround(kResidualWindow_s / sample_period_s));
+  residual_samples_ = std::max<std::size_t>(1, std::lround(kResidualWindowS / sample_period_s));
 }
 
 void ForceStatistics::add(double time_s, double force_n) {

@@ -142,7 +142,6 @@ Simulation::Impl::Impl(const Scenario& s)
       time_step(0.0),
       steps_per_sample(0),
       settle_steps(0),
-      site(),
       ice([&] {
         IceField field = makeFieldAroundRig(s);
         site = field.position_m;

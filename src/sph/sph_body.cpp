@@ -137,13 +137,13 @@ void SphBody::updateStress(double time_step_s) {
   }
 }
 
-void SphBody::updateRange(std::size_t begin, std::size_t end, float dt) {
+void SphBody::updateRange(std::size_t begin, std::size_t end, float time_step_s) {
   const auto rest_volume = static_cast<float>(settings_.particle_volume_m3);
   const auto limit = static_cast<float>(settings_.volume_ratio_limit);
   for (std::size_t i = begin; i < end; ++i) {
     const Gathered gathered = gather(i);
     viscosity_[i] = gathered.viscosity;
-    const Eigen::Matrix3f increment = dt * (gathered.gradient.topRows<3>() * correction_[i].topRows<3>());
+    const Eigen::Matrix3f increment = time_step_s * (gathered.gradient.topRows<3>() * correction_[i].topRows<3>());
 
     strain_increment_[0][i] = increment(0, 0);
     strain_increment_[1][i] = increment(1, 1);

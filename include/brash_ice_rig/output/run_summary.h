@@ -15,9 +15,9 @@ namespace brash_ice_rig {
 class ForceStatistics {
  public:
   /// Length of the running mean whose maximum is the peak, s.
-  static constexpr double kPeakWindow_s = 1.0;
+  static constexpr double kPeakWindowS = 1.0;
   /// Length of the mean that is the residual, s.
-  static constexpr double kResidualWindow_s = 4.5;
+  static constexpr double kResidualWindowS = 4.5;
 
   /// @param sample_period_s  time between two add(), > 0
   explicit ForceStatistics(double sample_period_s);

@@ -37,6 +37,17 @@ ContactSum RigContact::update(double time_step_s, const SphBody& ice, const Coll
     const double plan_squared = offset.head<2>().squaredNorm();
     if (plan_squared > arm_reach * arm_reach || ice.isFixed(i)) continue;
     const Eigen::Vector3d velocity = ice.velocity()[i].head<3>().cast<double>();
+    // Books one touch, of net or pole, on the particle and on the rig; returns the force on the ice.
+    const auto press = [&](const Touch& touch, Memory& memory) -> Eigen::Vector3d {
+      const Forces on_ice = resolve(time_step_s, touch, velocity, memory);
+      const Eigen::Vector3d total = on_ice.normal + on_ice.friction;
+      force_[i].head<3>() += total.cast<float>();
+      sum.normal_n -= on_ice.normal;
+      sum.friction_n -= on_ice.friction;
+      sum.deepest_m = std::max(sum.deepest_m, touch.penetration_m);
+      touched_.push_back(i);
+      return total;
+    };
 
     Memory& net = net_memory_[i];
     if (std::abs(offset.z()) < arm_reach) {
@@ -59,14 +70,7 @@ ContactSum RigContact::update(double time_step_s, const SphBody& ice, const Coll
       }
       if (touch.penetration_m > 0.0) {
         net.side = side;
-        const Forces on_ice = resolve(time_step_s, touch, velocity, net);
-        const Eigen::Vector3d total = on_ice.normal + on_ice.friction;
-        force_[i].head<3>() += total.cast<float>();
-        sum.normal_n -= on_ice.normal;
-        sum.friction_n -= on_ice.friction;
-        sum.opening_moment_nm += total.dot(point.arm_turn_m);
-        sum.deepest_m = std::max(sum.deepest_m, touch.penetration_m);
-        touched_.push_back(i);
+        sum.opening_moment_nm += press(touch, net).dot(point.arm_turn_m);
       } else {
         net = Memory();
       }
@@ -83,12 +87,7 @@ ContactSum RigContact::update(double time_step_s, const SphBody& ice, const Coll
       touch.penetration_m = pole_reach - distance;
       touch.surface_velocity_mps = hub_velocity_mps;
       pole.side = 1;
-      const Forces on_ice = resolve(time_step_s, touch, velocity, pole);
-      force_[i].head<3>() += (on_ice.normal + on_ice.friction).cast<float>();
-      sum.normal_n -= on_ice.normal;
-      sum.friction_n -= on_ice.friction;
-      sum.deepest_m = std::max(sum.deepest_m, touch.penetration_m);
-      touched_.push_back(i);
+      press(touch, pole);
     } else if (pole.side != 0) {
       pole = Memory();
     }

@@ -6,6 +6,9 @@
 #include <cstdint>
 #include <limits>
 
+#include <Eigen/Core>
+#include <Eigen/Eigenvalues>
+
 #include "brash_ice_rig/ice/ice_scaling.h"
 
 namespace brash_ice_rig {
@@ -15,6 +18,7 @@ constexpr std::size_t kTile = 128;              // particles per vectorised pass
 constexpr double kTangentOnset = 1.0 - 1e-4;    // of W
 constexpr double kStressResolution = 5e-7;      // relative; stress lives in float between steps
 constexpr double kCompactionResolution = 7e-8;  // relative; a little more than what rounding to float takes
+constexpr double kDamageResolution = 2e-7;      // absolute
 constexpr double kTipOfCap = 0.1;               // F_c below which the squared form of the residual is used
 constexpr double kResidualTolerance = 1e-9;     // of the strength sqrt(F_c)
 constexpr double kTipTolerance = 1e-14;         // of F_c
@@ -50,13 +54,26 @@ double lodeFactor(double sin_3_beta) {
   return (std::sqrt(linear * linear - 4.0 * quadratic * constant) - linear) / (2.0 * quadratic);
 }
 
+/// Largest eigenvalue of a symmetric tensor.
+double largestPrincipal(const double* c) {
+  Eigen::Matrix3d tensor;
+  tensor << c[0], c[3], c[5], c[3], c[1], c[4], c[5], c[4], c[2];
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
+  solver.computeDirect(tensor, Eigen::EigenvaluesOnly);
+  return solver.eigenvalues()[2];
+}
+
+/// Damage grows, but not by what float cannot resolve, or rest would creep.
+void raise(float& damage, double value) {
+  if (value > static_cast<double>(damage) + kDamageResolution) damage = toFloat(value);
+}
+
 }  // namespace
 
-CapParameters makeCapParameters(const IceConfig& ice, double stiffness_scale) {
-  assert(stiffness_scale > 0.0);
-  const ElasticModuli moduli = computeElasticModuli(
-      stiffness_scale * computeBrashElasticModulus(ice.parent_elastic_modulus_pa, ice.void_fraction),
-      ice.poisson_ratio);
+CapParameters makeCapParameters(const IceConfig& ice, double stiffness_scale, double element_length_m) {
+  assert(stiffness_scale > 0.0 && element_length_m > 0.0);
+  const double elastic_modulus = computeBrashElasticModulus(ice.parent_elastic_modulus_pa, ice.void_fraction);
+  const ElasticModuli moduli = computeElasticModuli(stiffness_scale * elastic_modulus, ice.poisson_ratio);
   const ShearSurface surface = computeShearSurface(ice.cohesion_pa, ice.friction_angle_deg);
   CapParameters result;
   result.alpha_pa = ice.shear_constant_pa.value_or(surface.constant_pa);
@@ -70,10 +87,22 @@ CapParameters makeCapParameters(const IceConfig& ice, double stiffness_scale) {
   result.shear_modulus_pa = moduli.shear_pa;
   result.flow_rule = ice.flow_rule;
   result.three_invariant = ice.three_invariant;
+  result.gap_memory = ice.gap_memory;
+  const double toughness = computeFractureToughness(ice.parent_fracture_toughness_pa_sqrt_m, ice.void_fraction);
+  result.damages = ice.damage;
+  result.damage.element_length_m = element_length_m;
+  result.damage.fracture_energy_compression_jpm2 =
+      computeCompressiveFractureEnergy(ice.parent_fracture_energy_compression_jpm2, ice.void_fraction);
+  result.damage.fracture_energy_tension_jpm2 =
+      computeTensileFractureEnergy(toughness, elastic_modulus, ice.poisson_ratio);
+  result.damage.fracture_energy_shear_jpm2 = result.damage.fracture_energy_tension_jpm2;
+  result.damage.ductile_shape = ice.damage_ductile_shape;
+  result.damage.brittle_shape = ice.damage_brittle_shape;
   return result;
 }
 
-CapModel::CapModel(const CapParameters& parameters) : parameters_(parameters) {
+CapModel::CapModel(const CapParameters& parameters)
+    : parameters_(parameters), softening_(parameters.damage), state_names_{"compaction", "plastic_strain"} {
   const CapParameters& p = parameters_;
   assert(p.alpha_pa > 0.0 && p.theta > 0.0 && p.aspect_ratio > 0.0 && p.initial_intercept_pa > 0.0);
   assert(p.max_compaction > 0.0 && p.max_compaction < 1.0 && p.d1_per_pa > 0.0 && p.d2_per_pa2 >= 0.0);
@@ -89,6 +118,19 @@ CapModel::CapModel(const CapParameters& parameters) : parameters_(parameters) {
   virgin_ = capWithIntercept(p.initial_intercept_pa, 0.0);
   onset_ = capAt(kTangentOnset * p.max_compaction);
   tangent_onset_ = kTangentOnset * p.max_compaction;
+
+  if (p.gap_memory) {
+    gap_ = state_names_.size();
+    state_names_.push_back("gap");
+  }
+  if (p.damages) {
+    damage_ = state_names_.size();
+    state_names_.push_back("damage");
+    for (const char* name : {"brittle_damage", "ductile_damage", "brittle_threshold", "ductile_threshold", "strain_xx",
+                             "strain_yy", "strain_zz", "strain_xy", "strain_yz", "strain_zx"}) {
+      state_names_.push_back(name);
+    }
+  }
 }
 
 CapModel::Cap CapModel::capWithIntercept(double intercept, double hardening) const {
@@ -175,10 +217,9 @@ CapModel::Residual CapModel::computeResidual(double increment, const Cap& cap, c
 }
 
 /// Backward Euler return of a trial outside the surface, in the plane of J1 and s (both for Q = 1).
-/// @param shear      G, Pa, over Q²
-/// @param increment  out: plastic compaction x of this step
-CapModel::Invariants CapModel::returnToSurface(const Invariants& trial, double shear, double compaction, const Cap& cap,
-                                               double& increment) const {
+/// @param shear  G, Pa, over Q²
+CapModel::Returned CapModel::returnToSurface(const Invariants& trial, double shear, double compaction,
+                                             const Cap& cap) const {
   const CapParameters& p = parameters_;
   const double bulk_3 = 3.0 * p.bulk_modulus_pa;
   const double trial_cone = p.alpha_pa + p.theta * trial.j1;
@@ -192,24 +233,17 @@ CapModel::Invariants CapModel::returnToSurface(const Invariants& trial, double s
   Cap moved = cap;
   if (!(trial_t > neutral_)) {
     if (p.flow_rule == FlowRule::kNonAssociated) {
-      const bool beyond_apex = trial_cone <= 0.0;
-      increment = beyond_apex ? to_apex : 0.0;
-      return beyond_apex ? Invariants{-apex_, 0.0} : Invariants{trial.j1, trial_cone};
+      if (trial_cone <= 0.0) return {{-apex_, 0.0}, to_apex};
+      return {{trial.j1, trial_cone}, 0.0};
     }
     // On the cone alone the answer is explicit.
     const double on_cone = -3.0 * p.theta * (trial.s - trial_cone) / (shear + 3.0 * bulk_3 * p.theta * p.theta);
     if (on_cone < 0.0) {
       const double j1 = trial.j1 - bulk_3 * on_cone;
       const double cone = p.alpha_pa + p.theta * j1;
-      if (cone <= 0.0) {
-        increment = to_apex;
-        return {-apex_, 0.0};
-      }
+      if (cone <= 0.0) return {{-apex_, 0.0}, to_apex};
       moved = capAt(compaction + on_cone);
-      if (j1 <= moved.start) {
-        increment = on_cone;
-        return {j1, cone};
-      }
+      if (j1 <= moved.start) return {{j1, cone}, on_cone};
     }
     outside = std::min(0.0, to_apex);
     x = on_cone;
@@ -228,8 +262,7 @@ CapModel::Invariants CapModel::returnToSurface(const Invariants& trial, double s
     const Residual residual = computeResidual(x, moved, trial, shear);
     (residual.value < 0.0 ? outside : inside) = x;
     if (std::abs(residual.value) <= residual.tolerance || std::abs(inside - outside) <= smallest_bracket) {
-      increment = x;
-      return residual.stress;
+      return {residual.stress, x};
     }
     double next = x - residual.value / residual.slope;
     const bool in_bracket = (next - outside) * (next - inside) < 0.0;
@@ -239,27 +272,88 @@ CapModel::Invariants CapModel::returnToSurface(const Invariants& trial, double s
     moved = capAt(compaction + x);
   }
   assert(false);
-  increment = 0.0;
-  return {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::quiet_NaN()};
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  return {{kNan, kNan}, 0.0};
+}
+
+/// Damage of the stress law after a step, and the share of the stress that it leaves.
+/// @param undamaged   stress on the surface or within
+/// @param shears      whether this step flowed on the shear surface, i.e. without compaction
+double CapModel::degradeStress(const MaterialBatch& batch, std::size_t i, const double* undamaged,
+                               const Invariants& invariants, bool shears) const {
+  float& applied = batch.state[damage_][i];
+  float& brittle = batch.state[damage_ + 1][i];
+  float& ductile = batch.state[damage_ + 2][i];
+  float& brittle_threshold = batch.state[damage_ + 3][i];
+  float& ductile_threshold = batch.state[damage_ + 4][i];
+  double e[kComponents];
+  for (std::size_t c = 0; c < kComponents; ++c) {
+    float& total = batch.state[damage_ + 5 + c][i];
+    total = toFloat(static_cast<double>(total) + static_cast<double>(batch.strain_increment[c][i]));
+    e[c] = static_cast<double>(total);
+  }
+
+  // A crack that is still open carries no shear either.
+  const bool tensile = invariants.j1 < 0.0 || (parameters_.gap_memory && batch.state[gap_][i] > 0.0f);
+  float& threshold = tensile ? brittle_threshold : ductile_threshold;
+  double measure = 0.0, strongest = 0.0;
+  if (tensile) {
+    const double bulk = parameters_.bulk_modulus_pa, shear = parameters_.shear_modulus_pa;
+    const double root = std::sqrt(9.0 * bulk * shear / (3.0 * bulk + shear));
+    measure = root * largestPrincipal(e);
+    strongest = largestPrincipal(undamaged) / root;
+  } else {
+    double product = 0.0;
+    for (std::size_t c = 0; c < kComponents; ++c) product += (c < 3 ? 1.0 : 2.0) * undamaged[c] * e[c];
+    measure = std::sqrt(std::max(0.0, 0.5 * product));
+  }
+  if (shears && threshold == 0.0f) threshold = toFloat(measure != 0.0 ? measure : 1e-30);
+  const double growth = measure - static_cast<double>(threshold);
+  if (threshold != 0.0f && growth > 0.0) {
+    const double energy = softening_.fractureEnergy(invariants.j1, invariants.s);
+    if (tensile) {
+      const double step = softening_.brittleRate(strongest, energy) * growth;
+      raise(brittle, Softening::kMaxDamage * Softening::damage(step, parameters_.damage.brittle_shape));
+    } else {
+      const double step = softening_.ductileRate(static_cast<double>(threshold), energy) * growth;
+      raise(ductile, Softening::maxDuctileDamage(invariants.j1, invariants.s) *
+                         Softening::damage(step, parameters_.damage.ductile_shape));
+    }
+  }
+  applied = tensile ? std::max(brittle, ductile) : ductile;
+  return 1.0 - static_cast<double>(applied);
 }
 
 void CapModel::updateParticle(const MaterialBatch& batch, std::size_t i) const {
   const CapParameters& p = parameters_;
+  const double integrity =
+      p.damages ? 1.0 - std::min(Softening::kMaxDamage, static_cast<double>(batch.state[damage_][i])) : 1.0;
   double stress[kComponents], strain[kComponents];
   for (std::size_t c = 0; c < kComponents; ++c) {
-    stress[c] = static_cast<double>(batch.stress[c][i]);
+    stress[c] = static_cast<double>(batch.stress[c][i]) / integrity;
     strain[c] = static_cast<double>(batch.strain_increment[c][i]);
   }
   const double volume_part = (p.bulk_modulus_pa - 2.0 / 3.0 * p.shear_modulus_pa) * (strain[0] + strain[1] + strain[2]);
   for (std::size_t c = 0; c < kComponents; ++c) {
     stress[c] += 2.0 * p.shear_modulus_pa * strain[c] + (c < 3 ? volume_part : 0.0);
   }
+  if (p.gap_memory) {
+    // Closing that would raise pressure takes away gap instead.
+    const double gap = static_cast<double>(batch.state[gap_][i]);
+    const double pressure_strain = -(stress[0] + stress[1] + stress[2]) / (3.0 * p.bulk_modulus_pa);
+    const double closing = -(strain[0] + strain[1] + strain[2]);
+    const double closed = std::min({gap, pressure_strain, closing});
+    if (closed > 0.0) {
+      for (std::size_t c = 0; c < 3; ++c) stress[c] += p.bulk_modulus_pa * closed;
+      batch.state[gap_][i] = toFloat(gap - closed);
+    }
+  }
   const double j1 = -(stress[0] + stress[1] + stress[2]);
   const double d[kComponents] = {
       stress[0] + j1 / 3.0, stress[1] + j1 / 3.0, stress[2] + j1 / 3.0, stress[3], stress[4], stress[5]};
   const double s = std::sqrt(0.5 * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) + d[3] * d[3] + d[4] * d[4] + d[5] * d[5]);
   const double compaction = static_cast<double>(batch.state[0][i]);
-  if (!std::isfinite(j1 + s + compaction)) {
+  if (!std::isfinite(j1 + s + compaction + integrity)) {
     for (std::size_t c = 0; c < kComponents; ++c) batch.stress[c][i] = std::numeric_limits<float>::quiet_NaN();
     return;
   }
@@ -275,21 +369,23 @@ void CapModel::updateParticle(const MaterialBatch& batch, std::size_t i) const {
   // Dividing s by Q and G by Q² turns the surface and its flow into those of Q = 1.
   const Invariants trial{j1, s / factor};
   const Cap cap = capAt(compaction);
-  if (isElastic(trial, compaction, cap)) {
-    for (std::size_t c = 0; c < kComponents; ++c) batch.stress[c][i] = toFloat(stress[c]);
-    return;
+  Invariants now{j1, s};
+  bool shears = false;
+  if (!isElastic(trial, compaction, cap)) {
+    const Returned returned = returnToSurface(trial, p.shear_modulus_pa / (factor * factor), compaction, cap);
+    now = {returned.stress.j1, std::min(s, factor * returned.stress.s)};
+    shears = returned.increment <= 0.0;
+    const double shrink = s > 0.0 ? now.s / s : 0.0;
+    for (std::size_t c = 0; c < kComponents; ++c) stress[c] = shrink * d[c] - (c < 3 ? now.j1 / 3.0 : 0.0);
+    const double shear_strain = (s - now.s) / (std::sqrt(3.0) * p.shear_modulus_pa);
+    batch.state[0][i] = toFloat(std::max(0.0, compaction + returned.increment));
+    batch.state[1][i] = toFloat(static_cast<double>(batch.state[1][i]) + shear_strain);
+    if (p.gap_memory && returned.increment < 0.0 && now.j1 <= 0.0) {
+      batch.state[gap_][i] = toFloat(static_cast<double>(batch.state[gap_][i]) - returned.increment);
+    }
   }
-  double increment = 0.0;
-  const Invariants returned =
-      returnToSurface(trial, p.shear_modulus_pa / (factor * factor), compaction, cap, increment);
-  const double new_s = std::min(s, factor * returned.s);
-  const double shrink = s > 0.0 ? new_s / s : 0.0;
-  for (std::size_t c = 0; c < kComponents; ++c) {
-    batch.stress[c][i] = toFloat(shrink * d[c] - (c < 3 ? returned.j1 / 3.0 : 0.0));
-  }
-  batch.state[0][i] = toFloat(std::max(0.0, compaction + increment));
-  batch.state[1][i] =
-      toFloat(static_cast<double>(batch.state[1][i]) + (s - new_s) / (std::sqrt(3.0) * p.shear_modulus_pa));
+  const double share = p.damages ? degradeStress(batch, i, stress, now, shears) : 1.0;
+  for (std::size_t c = 0; c < kComponents; ++c) batch.stress[c][i] = toFloat(share * stress[c]);
 }
 
 /// One vectorised pass of elastic predictor and yield check over a tile, then the exact one where that does not settle
@@ -301,7 +397,8 @@ void CapModel::updateTile(const MaterialBatch& batch, std::size_t begin, std::si
   const float shear_2 = static_cast<float>(2.0 * p.shear_modulus_pa);
   const float lame = static_cast<float>(p.bulk_modulus_pa - 2.0 / 3.0 * p.shear_modulus_pa);
   const float alpha = static_cast<float>(p.alpha_pa), theta = static_cast<float>(p.theta);
-  const float apex = static_cast<float>(apex_), inverse_width_ratio = static_cast<float>(1.0 / width_ratio_);
+  const float apex = static_cast<float>(apex_);
+  const float inverse_width_ratio = static_cast<float>(1.0 / width_ratio_);
   const float initial_intercept = static_cast<float>(p.initial_intercept_pa * (1.0 - 1e-5));
   const float inverse_max_compaction = static_cast<float>((1.0 - 1e-5) / p.max_compaction);
   const float d1 = static_cast<float>(p.d1_per_pa), d2_per_d1 = static_cast<float>(p.d2_per_pa2 / p.d1_per_pa);
@@ -313,9 +410,14 @@ void CapModel::updateTile(const MaterialBatch& batch, std::size_t begin, std::si
     strain[c] = batch.strain_increment[c] + begin;
     stress[c] = batch.stress[c] + begin;
   }
+  static constexpr float kNothing[kTile] = {};
   const float* compaction = batch.state[0] + begin;
+  const float* gap = p.gap_memory ? batch.state[gap_] + begin : kNothing;
+  // Where a threshold is set, damage may grow without yielding.
+  const float* brittle_threshold = p.damages ? batch.state[damage_ + 3] + begin : kNothing;
+  const float* ductile_threshold = p.damages ? batch.state[damage_ + 4] + begin : kNothing;
   // A short tile is filled up, so that each particle takes the same instructions however a batch is split.
-  float padded[2 * kComponents + 1][kTile];
+  float padded[2 * kComponents + 4][kTile];
   if (count < kTile) {
     const auto pad = [count](const float*& source, float* copy) {
       std::copy_n(source, count, copy);
@@ -327,6 +429,9 @@ void CapModel::updateTile(const MaterialBatch& batch, std::size_t begin, std::si
       pad(stress[c], padded[kComponents + c]);
     }
     pad(compaction, padded[2 * kComponents]);
+    pad(gap, padded[2 * kComponents + 1]);
+    pad(brittle_threshold, padded[2 * kComponents + 2]);
+    pad(ductile_threshold, padded[2 * kComponents + 3]);
   }
 
   float predicted[kComponents][kTile];
@@ -351,7 +456,10 @@ void CapModel::updateTile(const MaterialBatch& batch, std::size_t begin, std::si
     const float raw_t = 1.0f - (intercept - j1) * inverse_width_ratio / (intercept + apex);
     const float t = raw_t < 0.0f ? 0.0f : raw_t;
     const float cone = alpha + theta * j1;
-    const bool elastic = (cone >= 0.0f) & (j2 <= factor_2 * (cone * cone) * (1.0f - t * t));
+    const float opening = strain[0][i] + strain[1][i] + strain[2][i];
+    const bool plain = ((gap[i] == 0.0f) | (j1 <= 0.0f) | (opening >= 0.0f)) & (brittle_threshold[i] == 0.0f) &
+                       (ductile_threshold[i] == 0.0f);
+    const bool elastic = plain & (cone >= 0.0f) & (j2 <= factor_2 * (cone * cone) * (1.0f - t * t));
 
     predicted[0][i] = elastic ? xx : stress[0][i];
     predicted[1][i] = elastic ? yy : stress[1][i];
@@ -362,6 +470,12 @@ void CapModel::updateTile(const MaterialBatch& batch, std::size_t begin, std::si
     open[i] = elastic ? 0 : 1;
   }
   for (std::size_t c = 0; c < kComponents; ++c) std::copy_n(predicted[c], count, batch.stress[c] + begin);
+  if (p.damages) {
+    for (std::size_t c = 0; c < kComponents; ++c) {
+      float* total = batch.state[damage_ + 5 + c] + begin;
+      for (std::size_t i = 0; i < count; ++i) total[i] += open[i] == 0 ? strain[c][i] : 0.0f;
+    }
+  }
   for (std::size_t i = 0; i < count; ++i) {
     if (open[i] != 0) updateParticle(batch, begin + i);
   }

@@ -137,7 +137,7 @@ struct Simulation::Impl {
 Simulation::Impl::Impl(const Scenario& s)
     : scenario(validated(s)),
       sample_period(1.0 / s.load_cell.rate_hz),
-      material(makeCapParameters(s.ice, s.solver.stiffness_scale)),
+      material(makeCapParameters(s.ice, s.solver.stiffness_scale, s.field.spacing_m)),
       density(computeBulkDensity(s.ice.parent_density_kgpm3, s.ice.void_fraction)),
       time_step(0.0),
       steps_per_sample(0),

@@ -15,6 +15,19 @@ constexpr std::size_t kTile = 128;
 /// A pair closer than this to the edge of the support has no measurable weight, and its viscosity factor overflows.
 constexpr double kSupportMargin = 1.0e-4;
 
+/// Turns a symmetric tensor with the spin w of one step: t + w t - t w, written out by component.
+/// @param tensor  its six arrays, in the order of material.h
+void rotate(std::vector<float>* tensor, std::size_t i, float wxy, float wyz, float wzx) {
+  const float xx = tensor[0][i], yy = tensor[1][i], zz = tensor[2][i];
+  const float xy = tensor[3][i], yz = tensor[4][i], zx = tensor[5][i];
+  tensor[0][i] = xx + 2.0f * (wxy * xy - wzx * zx);
+  tensor[1][i] = yy + 2.0f * (wyz * yz - wxy * xy);
+  tensor[2][i] = zz + 2.0f * (wzx * zx - wyz * yz);
+  tensor[3][i] = xy + wxy * (yy - xx) - wzx * yz + wyz * zx;
+  tensor[4][i] = yz + wyz * (zz - yy) - wxy * zx + wzx * xy;
+  tensor[5][i] = zx + wzx * (xx - zz) - wyz * xy + wxy * yz;
+}
+
 }  // namespace
 
 SphBody::SphBody(const SphSettings& settings, const Material& material, const std::vector<Eigen::Vector3d>& position_m,
@@ -140,6 +153,7 @@ void SphBody::updateStress(double time_step_s) {
 void SphBody::updateRange(std::size_t begin, std::size_t end, float time_step_s) {
   const auto rest_volume = static_cast<float>(settings_.particle_volume_m3);
   const auto limit = static_cast<float>(settings_.volume_ratio_limit);
+  const std::size_t first_tensor = state_.size() - kComponents * material_.stateTensors();
   for (std::size_t i = begin; i < end; ++i) {
     const Gathered gathered = gather(i);
     viscosity_[i] = gathered.viscosity;
@@ -153,18 +167,12 @@ void SphBody::updateRange(std::size_t begin, std::size_t end, float time_step_s)
     strain_increment_[5][i] = 0.5f * (increment(2, 0) + increment(0, 2));
     volume_[i] = std::min(std::max(volume_[i] * (1.0f + increment.trace()), rest_volume / limit), rest_volume * limit);
 
-    // Jaumann rate: the old stress turns with the particle, sigma + w sigma - sigma w, written out by component.
+    // Jaumann rate: the old stress turns with the particle.
     const float wxy = 0.5f * (increment(0, 1) - increment(1, 0));
     const float wyz = 0.5f * (increment(1, 2) - increment(2, 1));
     const float wzx = 0.5f * (increment(2, 0) - increment(0, 2));
-    const float xx = stress_[0][i], yy = stress_[1][i], zz = stress_[2][i];
-    const float xy = stress_[3][i], yz = stress_[4][i], zx = stress_[5][i];
-    stress_[0][i] = xx + 2.0f * (wxy * xy - wzx * zx);
-    stress_[1][i] = yy + 2.0f * (wyz * yz - wxy * xy);
-    stress_[2][i] = zz + 2.0f * (wzx * zx - wyz * yz);
-    stress_[3][i] = xy + wxy * (yy - xx) - wzx * yz + wyz * zx;
-    stress_[4][i] = yz + wyz * (zz - yy) - wxy * zx + wzx * xy;
-    stress_[5][i] = zx + wzx * (xx - zz) - wyz * xy + wxy * yz;
+    rotate(stress_.data(), i, wxy, wyz, wzx);
+    for (std::size_t c = first_tensor; c < state_.size(); c += kComponents) rotate(&state_[c], i, wxy, wyz, wzx);
   }
 
   MaterialBatch batch;

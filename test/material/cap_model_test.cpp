@@ -303,7 +303,7 @@ TEST(CapModel, ThreeInvariantSectionIsNearlyTheTriangleOfTheTensileLimit) {
 }
 
 TEST(CapParameters, ComeFromTheConfigurationOfSimulationB1) {
-  const CapParameters p = makeCapParameters(IceConfig(), 1e-3);
+  const CapParameters p = makeCapParameters(IceConfig(), 1e-3, 0.3);
   EXPECT_NEAR(p.alpha_pa, 199.35, 0.005);
   EXPECT_NEAR(p.theta, 0.396, 5e-4);
   EXPECT_NEAR(p.bulk_modulus_pa, 751.34e3, 10.0);
@@ -315,6 +315,13 @@ TEST(CapParameters, ComeFromTheConfigurationOfSimulationB1) {
   EXPECT_EQ(p.d2_per_pa2, 0.03e-12);
   EXPECT_EQ(p.flow_rule, FlowRule::kAssociated);
   EXPECT_FALSE(p.three_invariant);
+  EXPECT_TRUE(p.damages);
+  EXPECT_TRUE(p.gap_memory);
+  // Table 7, column B.
+  EXPECT_NEAR(p.damage.fracture_energy_compression_jpm2, 4.51, 0.005);
+  EXPECT_NEAR(p.damage.fracture_energy_tension_jpm2, 0.513, 5e-4);
+  EXPECT_NEAR(p.damage.fracture_energy_shear_jpm2, 0.513, 5e-4);
+  EXPECT_EQ(p.damage.element_length_m, 0.3);
 }
 
 TEST(CapParameters, GivenShearSurfaceReplacesEq10) {
@@ -323,7 +330,7 @@ TEST(CapParameters, GivenShearSurfaceReplacesEq10) {
   ice.shear_slope = 0.3;
   ice.flow_rule = FlowRule::kNonAssociated;
   ice.three_invariant = true;
-  const CapParameters p = makeCapParameters(ice, 1.0);
+  const CapParameters p = makeCapParameters(ice, 1.0, 0.3);
   EXPECT_EQ(p.alpha_pa, 100.0);
   EXPECT_EQ(p.theta, 0.3);
   EXPECT_EQ(p.flow_rule, FlowRule::kNonAssociated);
@@ -331,12 +338,13 @@ TEST(CapParameters, GivenShearSurfaceReplacesEq10) {
 }
 
 TEST(CapParameters, StiffnessScaleChangesTheModuliAlone) {
-  const CapParameters full = makeCapParameters(IceConfig(), 1.0), soft = makeCapParameters(IceConfig(), 1e-2);
+  const CapParameters full = makeCapParameters(IceConfig(), 1.0, 0.3), soft = makeCapParameters(IceConfig(), 1e-2, 0.3);
   EXPECT_NEAR(soft.bulk_modulus_pa / full.bulk_modulus_pa, 1e-2, 1e-12);
   EXPECT_NEAR(soft.shear_modulus_pa / full.shear_modulus_pa, 1e-2, 1e-12);
   EXPECT_EQ(soft.alpha_pa, full.alpha_pa);
   EXPECT_EQ(soft.initial_intercept_pa, full.initial_intercept_pa);
   EXPECT_EQ(soft.d1_per_pa, full.d1_per_pa);
+  EXPECT_EQ(soft.damage.fracture_energy_tension_jpm2, full.damage.fracture_energy_tension_jpm2);
 }
 
 }  // namespace

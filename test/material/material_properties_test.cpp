@@ -171,20 +171,29 @@ std::ostream& operator<<(std::ostream& out, const Model& model) {
 
 std::vector<Model> models() {
   IceConfig ice;
-  std::vector<Model> result{{"CapAssociated", makeCapParameters(ice, 1e-3)}};
-  result.push_back({"CapAssociatedFullStiffness", makeCapParameters(ice, 1.0)});
+  ice.damage = false;
+  ice.gap_memory = false;
+  std::vector<Model> result{{"CapAssociated", makeCapParameters(ice, 1e-3, 0.3)}};
+  result.push_back({"CapAssociatedFullStiffness", makeCapParameters(ice, 1.0, 0.3)});
   ice.flow_rule = FlowRule::kNonAssociated;
-  result.push_back({"CapNonAssociated", makeCapParameters(ice, 1e-3)});
+  result.push_back({"CapNonAssociated", makeCapParameters(ice, 1e-3, 0.3)});
   ice.three_invariant = true;
-  result.push_back({"CapNonAssociatedThreeInvariant", makeCapParameters(ice, 1e-3)});
+  result.push_back({"CapNonAssociatedThreeInvariant", makeCapParameters(ice, 1e-3, 0.3)});
   ice.flow_rule = FlowRule::kAssociated;
-  result.push_back({"CapThreeInvariant", makeCapParameters(ice, 1e-3)});
-  ice = IceConfig();  // B-5 as printed: a small cap that hardens at once
+  result.push_back({"CapThreeInvariant", makeCapParameters(ice, 1e-3, 0.3)});
+  ice.three_invariant = false;
+  ice.gap_memory = true;
+  result.push_back({"CapWithGapMemory", makeCapParameters(ice, 1e-3, 0.3)});
+  ice.damage = true;
+  result.push_back({"CapWithDamageAndGapMemory", makeCapParameters(ice, 1e-3, 0.3)});
+  ice.gap_memory = false;
+  result.push_back({"CapWithDamage", makeCapParameters(ice, 1e-3, 0.3)});
+  ice.damage = false;  // B-5 as printed: a small cap that hardens at once
   ice.shear_constant_pa = 200.0;
   ice.shear_slope = 0.469;
   ice.cap_initial_intercept_pa = 4000.0;
   ice.cap_hardening_linear_per_pa = 386.0e-6;
-  result.push_back({"CapOfB5", makeCapParameters(ice, 1e-3)});
+  result.push_back({"CapOfB5", makeCapParameters(ice, 1e-3, 0.3)});
   return result;
 }
 
@@ -215,6 +224,21 @@ class MaterialProperties : public ::testing::TestWithParam<Model> {
     Components stress{};
     for (std::size_t c = 0; c < kComponents; ++c) stress[c] = element.stress(c);
     return stress;
+  }
+  static constexpr const char* kStrainNames[] = {"strain_xx", "strain_yy", "strain_zz",
+                                                 "strain_xy", "strain_yz", "strain_zx"};
+  static Components totalStrainOf(const Element& element) {
+    Components strain{};
+    for (std::size_t c = 0; c < kComponents; ++c) strain[c] = element.state(kStrainNames[c]);
+    return strain;
+  }
+  static void setTotalStrain(Element& element, const Components& strain) {
+    for (std::size_t c = 0; c < kComponents; ++c) element.setState(kStrainNames[c], strain[c]);
+  }
+  std::vector<std::string> scalarStates() const {
+    std::vector<std::string> names = material_.stateNames();
+    names.resize(names.size() - kComponents * material_.stateTensors());
+    return names;
   }
   static double sizeOf(const Components& values) {
     double size = 0.0;
@@ -306,17 +330,27 @@ TEST_P(MaterialProperties, IsObjective) {
     walk(element, 30, -6.0, -2.0, [&](const Components& strain) {
       rotated.setStress(rotate(stressOf(before), rotation));
       for (const std::string& name : material_.stateNames()) rotated.setState(name, before.state(name));
+      if (material_.stateTensors() > 0) setTotalStrain(rotated, rotate(totalStrainOf(before), rotation));
       rotated.strain(rotate(strain, rotation));
       const Components expected = rotate(stressOf(element), rotation);
       // The increment is added in float: its rounding counts with the size of the elastic trial.
       const double trial = sizeOf(stressOf(before)) + 5.0 * material_.bulkModulus() * sizeOf(strain);
-      for (std::size_t c = 0; c < kComponents; ++c) ASSERT_NEAR(rotated.stress(c), expected[c], 2e-6 * trial + 2e-4);
-      for (const std::string& name : material_.stateNames()) {
-        ASSERT_NEAR(rotated.state(name), element.state(name),
-                    2e-6 * (sizeOf(strain) + element.state(name)) + 1e-6 * trial / material_.shearModulus());
+      // Damage follows its measure with a rate of tens per part, and so does the rounding of it.
+      const double tolerance = 2e-6 * trial + 2e-4 + (parameters_.damages ? 5e-5 * sizeOf(expected) : 0.0);
+      for (std::size_t c = 0; c < kComponents; ++c) ASSERT_NEAR(rotated.stress(c), expected[c], tolerance);
+      for (const std::string& name : scalarStates()) {
+        // Thresholds of damage are roots of energies; damage itself grows by hundreds per strain.
+        const double scale = name.find("threshold") != std::string::npos ? std::sqrt(material_.bulkModulus())
+                             : name.find("damage") != std::string::npos  ? 500.0
+                                                                         : 1.0;
+        ASSERT_NEAR(
+            rotated.state(name), element.state(name),
+            2e-6 * (scale * sizeOf(strain) + element.state(name)) + 1e-6 * scale * trial / material_.shearModulus())
+            << name;
       }
       before = element;
     });
+    if (HasFatalFailure()) return;
   }
 }
 
@@ -325,10 +359,13 @@ TEST_P(MaterialProperties, StaysInsideTheSurface) {
     Element element(material_);
     const bool extreme = path % 4 == 0;
     walk(element, 42, extreme ? -3.0 : -7.0, extreme ? 3.0 : -2.0, [&](const Components&) {
+      // The surface holds for the undamaged stress.
+      Components stress = stressOf(element);
+      for (double& value : stress) value /= parameters_.damages ? 1.0 - element.state("damage") : 1.0;
       // Float keeps six to seven digits of stress and compaction.
       const double resolved = element.state("compaction") * (1.0 + 1.2e-7);
-      const double tolerance = 1.5e-6 * (parameters_.alpha_pa + std::abs(element.j1()));
-      ASSERT_FALSE(plain_.isOutside(stressOf(element), resolved, tolerance))
+      const double tolerance = 1.5e-6 * (parameters_.alpha_pa + std::abs(stress[0] + stress[1] + stress[2]));
+      ASSERT_FALSE(plain_.isOutside(stress, resolved, tolerance))
           << "path " << path << ", J1 " << element.j1() << ", s " << element.s() << ", e "
           << element.state("compaction");
       ASSERT_GE(element.state("compaction"), 0.0);
@@ -338,6 +375,7 @@ TEST_P(MaterialProperties, StaysInsideTheSurface) {
 }
 
 TEST_P(MaterialProperties, DissipationIsNotNegative) {
+  if (parameters_.damages) GTEST_SKIP() << "the recovered modulus of the CSCM gives energy back, see doc/theory.md";
   const double g = material_.shearModulus(), k = material_.bulkModulus();
   double total = 0.0;
   for (int path = 0; path < 1000; ++path) {
@@ -433,11 +471,20 @@ TEST_P(MaterialProperties, BatchEqualsThePlainEquations) {
       plain.compaction = static_cast<double>(before.state[0][n]);
       plain.plastic_strain = static_cast<double>(before.state[1][n]);
       const double old_plastic_strain = plain.plastic_strain;
+      // A gap that closes is not part of the plain equations; damage is as far as it was at the start of the step.
+      const auto gap = parameters_.gap_memory ? before.state[2][n] : 0.0f;
+      if (gap > 0.0f) continue;
+      const std::size_t damage_index = parameters_.gap_memory ? 3 : 2;
+      const auto damageIn = [&](const Cloud& c) {
+        return parameters_.damages ? static_cast<double>(c.state[damage_index][n]) : 0.0;
+      };
+      for (double& value : plain.stress) value /= 1.0 - damageIn(before);
       plain_.update(plain, strain);
       plastic += plain.plastic_strain > old_plastic_strain ? 1 : 0;
       const double size = sizeOf(plain.stress) + parameters_.alpha_pa;
+      const double share = 1.0 - damageIn(cloud);
       for (std::size_t c = 0; c < kComponents; ++c) {
-        ASSERT_NEAR(static_cast<double>(cloud.stress[c][n]), plain.stress[c], 3e-6 * size) << "particle " << n;
+        ASSERT_NEAR(static_cast<double>(cloud.stress[c][n]), share * plain.stress[c], 3e-6 * size) << "particle " << n;
       }
       const double strain_size = 1e-6 * sizeOf(strain) + 3e-6 * size / material_.shearModulus();
       ASSERT_NEAR(static_cast<double>(cloud.state[0][n]), plain.compaction, strain_size + 1e-7 * plain.compaction);

@@ -50,8 +50,9 @@ struct FieldConfig {
 
 enum class FlowRule { kAssociated, kNonAssociated };
 
-/// Brash ice as a continuum: parent ice (Table 4), void fraction and cap model (Tables 5 and 6).
+/// Brash ice as a continuum: parent ice (Table 4), void fraction, cap model (Tables 5 and 6) and damage (Table 7).
 struct IceConfig {
+  std::string model = "recommended";
   double void_fraction = 0.6;
   double cohesion_pa = 200.0;
   double friction_angle_deg = 50.0;
@@ -67,9 +68,16 @@ struct IceConfig {
   double cap_hardening_quadratic_per_pa2 = 0.03e-12;
   FlowRule flow_rule = FlowRule::kAssociated;
   bool three_invariant = false;
+  bool damage = true;
+  bool gap_memory = true;
+  double parent_fracture_energy_compression_jpm2 = 20.0;
+  double parent_fracture_toughness_pa_sqrt_m = 1.0e5;
+  double damage_ductile_shape = 1.0;
+  double damage_brittle_shape = 1.0;
 
   template <class Visitor>
   void visit(Visitor& v) {
+    v("model", model, "name of this set of choices, for reports; config/ice/ has two");
     v("void_fraction", void_fraction, Range{0.0, 1.0, true, true}, "share of the volume that is not ice, V_f");
     v("cohesion_pa", cohesion_pa, Range{0.0, 1.0e6, true}, "Mohr-Coulomb cohesion c");
     v("friction_angle_deg", friction_angle_deg, Range{0.0, 75.0, true}, "Mohr-Coulomb angle of internal friction");
@@ -90,6 +98,14 @@ struct IceConfig {
     v("flow_rule", flow_rule, {"associated", "non_associated"},
       "direction of plastic flow: along the yield surface's normal, or without volume change on the shear part");
     v("three_invariant", three_invariant, "lower strength in torsion and extension (eq. 11)");
+    v("damage", damage, "ice that breaks loses stiffness and cohesion (Table 7)");
+    v("gap_memory", gap_memory, "an opened gap must close before pressure returns");
+    v("parent_fracture_energy_compression_jpm2", parent_fracture_energy_compression_jpm2, Range{1.0e-3, 1.0e6},
+      "fracture energy of the parent ice in compression (eq. 13)");
+    v("parent_fracture_toughness_pa_sqrt_m", parent_fracture_toughness_pa_sqrt_m, Range{1.0e2, 1.0e8},
+      "fracture toughness of the parent ice (eq. 14)");
+    v("damage_ductile_shape", damage_ductile_shape, Range{0.01, 100.0}, "B of Table 7, softening in compression");
+    v("damage_brittle_shape", damage_brittle_shape, Range{0.01, 100.0}, "D of Table 7, softening in tension");
   }
 };
 

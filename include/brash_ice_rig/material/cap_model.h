@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "brash_ice_rig/config/scenario.h"
+#include "brash_ice_rig/material/damage.h"
 #include "brash_ice_rig/material/material.h"
 
 namespace brash_ice_rig {
@@ -21,13 +22,17 @@ struct CapParameters {
   double shear_modulus_pa = 0.0;      ///< G of eq. 6, Pa, > 0
   FlowRule flow_rule = FlowRule::kAssociated;
   bool three_invariant = false;  ///< strength depends on the Lode angle (eq. 11)
+  bool gap_memory = false;       ///< an opened gap must close before pressure returns
+  bool damages = false;          ///< stress degrades by `damage`
+  DamageParameters damage;
 };
 
 /// Cap parameters of a brash ice: eqs. 5 and 6 for the moduli, eq. 10 for the shear surface where the configuration
-/// gives none.
-/// @param ice              a validated configuration
-/// @param stiffness_scale  factor on the elastic modulus alone, > 0; strength and hardening stay
-CapParameters makeCapParameters(const IceConfig& ice, double stiffness_scale);
+/// gives none, eqs. 13 to 15 for the fracture energies.
+/// @param ice               a validated configuration
+/// @param stiffness_scale   factor on the elastic modulus alone, > 0; strength, hardening and fracture energy stay
+/// @param element_length_m  cube root of a particle's volume, m, > 0
+CapParameters makeCapParameters(const IceConfig& ice, double stiffness_scale, double element_length_m);
 
 /// Continuous surface cap model (CSCM): a Drucker-Prager cone and a cap that moves with plastic volume change, as one
 /// smooth yield surface (eqs. 7-9)
@@ -42,6 +47,17 @@ CapParameters makeCapParameters(const IceConfig& ice, double stiffness_scale);
 /// cap back no further than X0, there e stays 0. "plastic_strain" is the accumulated deviatoric plastic strain,
 /// ratio, sum of sqrt(2/3 de:de), which is the axial strain in a constant-volume uniaxial test.
 ///
+/// Damage (Murray 2007). The surface above holds for the undamaged stress; the stress is (1 - d) of it. Ductile damage
+/// grows while the mean stress is compressive, with tau_c = sqrt(stress : strain / 2); brittle damage while it is
+/// tensile, with tau_t = sqrt(E) times the largest principal strain, stress undamaged and strain total. Each starts
+/// where flow without compaction is first met. Neither heals, but brittle damage has no part in compression: a crack
+/// that closes carries pressure. (1 - d) of a frictional stress takes away cohesion and stiffness, not friction.
+/// State: "damage" is d as applied now; "brittle_damage", "ductile_damage"; their thresholds, sqrt(Pa), 0 before they
+/// are met; the total strain.
+///
+/// Gap memory: plastic opening under tension is kept in the state "gap", volume strain, ≥ 0. While it is open, closing
+/// takes away gap instead of raising pressure, and brittle damage stays applied.
+///
 /// Eq. 12 asks for an infinite pressure as e nears W. Beyond e = 0.9999 W (109 kPa for set 1 of Table 6) its tangent
 /// goes on, so that each pressure has a finite cap.
 ///
@@ -54,7 +70,8 @@ class CapModel : public Material {
   /// Parameters outside their ranges are a bug of the caller (assert).
   explicit CapModel(const CapParameters& parameters);
 
-  std::vector<std::string> stateNames() const override { return {"compaction", "plastic_strain"}; }
+  std::vector<std::string> stateNames() const override { return state_names_; }
+  std::size_t stateTensors() const override { return parameters_.damages ? 1 : 0; }
   void update(MaterialBatch& batch) const override;
   double bulkModulus() const override { return parameters_.bulk_modulus_pa; }
   double shearModulus() const override { return parameters_.shear_modulus_pa; }
@@ -68,7 +85,7 @@ class CapModel : public Material {
   /// @param compaction  e, ratio
   double capStart(double compaction) const { return capAt(compaction).start; }
 
-  /// sqrt(J2') on the yield surface in triaxial compression, Pa; 0 beyond apex and cap.
+  /// sqrt(J2') on the yield surface in triaxial compression, without damage, Pa; 0 beyond apex and cap.
   /// @param j1_pa       -tr(stress), Pa
   /// @param compaction  e, ratio
   double shearStrength(double j1_pa, double compaction) const;
@@ -84,6 +101,10 @@ class CapModel : public Material {
     double j1;  // Pa
     double s;   // sqrt(J2'), Pa
   };
+  struct Returned {
+    Invariants stress;
+    double increment;  // plastic compaction of this step
+  };
   struct Residual {
     double value, slope, tolerance;  // value < 0 outside the surface; slope by the increment
     Invariants stress;
@@ -93,12 +114,17 @@ class CapModel : public Material {
   Cap capAt(double compaction) const;
   bool isElastic(const Invariants& trial, double compaction, const Cap& cap) const;
   Residual computeResidual(double increment, const Cap& cap, const Invariants& trial, double shear) const;
-  Invariants returnToSurface(const Invariants& trial, double shear, double compaction, const Cap& cap,
-                             double& increment) const;
+  Returned returnToSurface(const Invariants& trial, double shear, double compaction, const Cap& cap) const;
+  double degradeStress(const MaterialBatch& batch, std::size_t i, const double* undamaged, const Invariants& invariants,
+                       bool shears) const;
   void updateTile(const MaterialBatch& batch, std::size_t begin, std::size_t count) const;
   void updateParticle(const MaterialBatch& batch, std::size_t i) const;
 
   CapParameters parameters_;
+  Softening softening_;
+  std::vector<std::string> state_names_;
+  // Where a state is among them, if it is.
+  std::size_t gap_ = 0, damage_ = 0;
   // Constants of the surface. The cap keeps its shape as it moves: X - L is proportional to X + alpha / theta, and
   // the neutral point, where flow neither compacts nor dilates, sits at one t.
   double apex_;           // alpha / theta, Pa: the cone ends at J1 = -apex

@@ -28,6 +28,10 @@ class Material {
   /// Names of the state arrays, for output; each starts at 0 for virgin material. "plastic_strain" is among them.
   virtual std::vector<std::string> stateNames() const = 0;
 
+  /// The last 6 n entries of stateNames() are the components, in the order above, of n symmetric tensors. Like the
+  /// stress they come in rotated with the particle.
+  virtual std::size_t stateTensors() const { return 0; }
+
   /// Elastic predictor and return to the yield surface for each particle.
   virtual void update(MaterialBatch& batch) const = 0;
 

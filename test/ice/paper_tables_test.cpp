@@ -47,7 +47,7 @@ struct Cell {
     const auto end = printed.find('E');
     const auto point = printed.find('.');
     const auto decimals = point == std::string::npos ? 0 : static_cast<int>(printed.substr(0, end).size() - point - 1);
-    const int exponent = end == std::string::npos ? 0 : std::atoi(printed.c_str() + end + 1);
+    const int exponent = end == std::string::npos ? 0 : std::stoi(printed.substr(end + 1));
     return 0.5 * std::pow(10.0, exponent - decimals);
   }
   bool agrees() const { return std::abs(*computed - value()) <= tolerance() * (1.0 + 1e-9); }

@@ -407,7 +407,7 @@ TEST(SphBody, FreeElasticBlockKeepsItsEnergyBounded) {
 
 TEST(SphBody, VariableSmoothingLengthNeedsNoSmallerStepInShrunkOrSwollenIce) {
   // As stiff and as heavy as at rest, a particle of volume V has c/h in proportion to (V / V_0)^(1/6): at a ratio of
-  // 1.49 the largest stable step is 6 % shorter, with a constant h 18 %. Measured here: 0.90, against 0.85 and at rest
+  // 1.49 the largest stable step is 6 % shorter, with a constant h 18 %. Measured here: 0.90, against 0.80 and at rest
   // 0.95 h/c.
   for (const double volume_ratio : {1.0 / 1.49, 1.49}) {
     SphSettings inviscid = variableSettings();

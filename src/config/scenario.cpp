@@ -8,6 +8,7 @@
 #include <string>
 
 #include "brash_ice_rig/config/config_error.h"
+#include "brash_ice_rig/sph/kernel.h"
 #include "number_check.h"
 
 namespace brash_ice_rig {
@@ -172,7 +173,9 @@ double particleCount(const FieldConfig& field) {
 
 double bytesPerParticle(const SolverConfig& solver) {
   constexpr double kState = 1000.0, kNeighbour = 30.0;
-  const double reach = 2.0 * solver.smoothing_ratio + solver.neighbour_skin_ratio;  // in spacings
+  const double growth =
+      solver.smoothing_length == SmoothingLength::kVariable ? smoothingGrowth(solver.volume_ratio_limit) : 1.0;
+  const double reach = 2.0 * solver.smoothing_ratio * growth + solver.neighbour_skin_ratio;  // in spacings
   return kState + kNeighbour * 4.0 / 3.0 * std::acos(-1.0) * reach * reach * reach;
 }
 

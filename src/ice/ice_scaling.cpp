@@ -26,6 +26,21 @@ double computeWaveSpeed(const ElasticModuli& moduli, double density_kgpm3) {
   return std::sqrt((moduli.bulk_pa + 4.0 / 3.0 * moduli.shear_pa) / density_kgpm3);
 }
 
+double computeCompressiveFractureEnergy(double parent_fracture_energy_jpm2, double void_fraction) {
+  assert(parent_fracture_energy_jpm2 > 0.0 && void_fraction >= 0.0 && void_fraction < 1.0);
+  return parent_fracture_energy_jpm2 * (1.0 - std::sqrt(void_fraction));
+}
+
+double computeFractureToughness(double parent_toughness_pa_sqrt_m, double void_fraction) {
+  assert(parent_toughness_pa_sqrt_m > 0.0 && void_fraction >= 0.0 && void_fraction < 1.0);
+  return parent_toughness_pa_sqrt_m * (1.0 - std::sqrt(void_fraction));
+}
+
+double computeTensileFractureEnergy(double toughness_pa_sqrt_m, double elastic_modulus_pa, double poisson_ratio) {
+  assert(toughness_pa_sqrt_m > 0.0 && elastic_modulus_pa > 0.0 && poisson_ratio > -1.0 && poisson_ratio < 0.5);
+  return (1.0 - poisson_ratio * poisson_ratio) * toughness_pa_sqrt_m * toughness_pa_sqrt_m / elastic_modulus_pa;
+}
+
 ShearSurface computeShearSurface(double cohesion_pa, double friction_angle_deg) {
   assert(cohesion_pa >= 0.0 && friction_angle_deg > 0.0 && friction_angle_deg < 90.0);
   constexpr double kRadiansPerDegree = 3.14159265358979323846 / 180.0;

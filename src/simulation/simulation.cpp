@@ -32,6 +32,7 @@ SphSettings makeSphSettings(const Scenario& s, double density_kgpm3) {
   settings.particle_volume_m3 = dx * dx * dx;
   settings.density_kgpm3 = density_kgpm3;
   settings.smoothing_length_m = s.solver.smoothing_ratio * dx;
+  settings.variable_smoothing_length = s.solver.smoothing_length == SmoothingLength::kVariable;
   settings.viscosity_ratio = s.solver.viscosity_ratio;
   settings.viscosity_speed_mps = s.solver.viscosity_speed_mps;
   settings.volume_ratio_limit = s.solver.volume_ratio_limit;

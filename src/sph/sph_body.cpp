@@ -47,6 +47,7 @@ SphBody::SphBody(const SphSettings& settings, const Material& material, const st
   correction_.assign(count, Matrix43f::Zero());
   gradient_sum_.assign(count, Eigen::Vector4f::Zero());
   cached_volume_ = volume_;
+  smoothing_length_.assign(count, settings.smoothing_length_m);
 }
 
 void SphBody::setVelocity(std::size_t i, const Eigen::Vector3d& velocity_mps) {
@@ -61,19 +62,23 @@ void SphBody::updateGradients() {
 #pragma omp single
   {
     // Two particles approach each other by at most twice the way of the faster one.
-    search_due_ = candidates_.row_begin.empty() || 2.0 * (travelled_since_search_ + travelled_) >= settings_.skin_m;
-    refresh_due_ = search_due_ || travelled_ >= settings_.refresh_distance_m;
-    if (search_due_) {
-      findNeighbours(position_, 2.0 * settings_.smoothing_length_m + settings_.skin_m, candidates_);
-      pair_.resize(candidates_.index.size());
-      neighbour_.resize(candidates_.index.size());
-      travelled_since_search_ = 0.0;
-    } else if (refresh_due_) {
-      travelled_since_search_ += travelled_;
-    }
+    const double approach = 2.0 * (travelled_since_search_ + travelled_);
+    const bool first = candidates_.row_begin.empty();
+    refresh_due_ = first || approach >= settings_.skin_m || travelled_ >= settings_.refresh_distance_m;
     if (refresh_due_) {
-      travelled_ = 0.0;
       cached_volume_ = volume_;
+      const double longest = updateSmoothingLengths();
+      // The skin is also used up where supports have grown.
+      if (first || approach + 2.0 * (longest - longest_at_search_) >= settings_.skin_m) {
+        findNeighbours(position_, 2.0 * longest + settings_.skin_m, candidates_);
+        pair_.resize(candidates_.index.size());
+        neighbour_.resize(candidates_.index.size());
+        longest_at_search_ = longest;
+        travelled_since_search_ = 0.0;
+      } else {
+        travelled_since_search_ += travelled_;
+      }
+      travelled_ = 0.0;
     }
   }
   if (!refresh_due_) return;
@@ -81,11 +86,21 @@ void SphBody::updateGradients() {
   for (std::size_t i = 0; i < size(); ++i) refreshRow(i);
 }
 
+/// @return the largest, m
+double SphBody::updateSmoothingLengths() {
+  if (!settings_.variable_smoothing_length) return settings_.smoothing_length_m;
+  const auto rest_volume = static_cast<double>(static_cast<float>(settings_.particle_volume_m3));
+  double longest = 0.0;
+  for (std::size_t i = 0; i < size(); ++i) {
+    const double volume_ratio = static_cast<double>(cached_volume_[i]) / rest_volume;
+    smoothing_length_[i] = settings_.smoothing_length_m * smoothingGrowth(volume_ratio);
+    longest = std::max(longest, smoothing_length_[i]);
+  }
+  return longest;
+}
+
 void SphBody::refreshRow(std::size_t i) {
-  const CubicSpline kernel{settings_.smoothing_length_m};
-  const double h = settings_.smoothing_length_m;
-  const double viscosity = settings_.density_kgpm3 * settings_.viscosity_ratio * settings_.viscosity_speed_mps * h;
-  const double reach = kernel.support() - kSupportMargin * h;
+  const double viscosity = settings_.density_kgpm3 * settings_.viscosity_ratio * settings_.viscosity_speed_mps;
 
   const std::size_t begin = candidates_.row_begin[i];
   std::size_t end = begin;
@@ -95,13 +110,16 @@ void SphBody::refreshRow(std::size_t i) {
     const auto j = static_cast<std::size_t>(candidates_.index[c]);
     const Eigen::Vector3d offset = position_[i] - position_[j];
     const double distance_squared = offset.squaredNorm();
+    const double h = 0.5 * (smoothing_length_[i] + smoothing_length_[j]);  // of equal ones: exactly that one
+    const CubicSpline kernel{h};
+    const double reach = kernel.support() - kSupportMargin * h;
     if (distance_squared >= reach * reach || distance_squared == 0.0) continue;
     const double distance = std::sqrt(distance_squared);
     const double slope = static_cast<double>(cached_volume_[j]) * kernel.derivative(distance);
     const Eigen::Vector3d gradient = slope / distance * offset;
     const double softened = distance_squared + 0.01 * h * h;
     pair_[end].head<3>() = gradient.cast<float>();
-    pair_[end].w() = static_cast<float>(viscosity * distance / (softened * -slope));
+    pair_[end].w() = static_cast<float>(viscosity * h * distance / (softened * -slope));
     neighbour_[end] = candidates_.index[c];
     ++end;
     moment.noalias() -= offset * gradient.transpose();

@@ -96,35 +96,6 @@ TEST(ShippedScenarios, FullProcedureStartsAboveTheIceAndEndsWithTheRimAboveIt) {
   EXPECT_GT(liftEndHubHeight(scenario), ice_top);
 }
 
-TEST(ShippedSimulations, HoldTheFiguresOfTables5And6) {
-  struct Row {
-    const char* file;
-    double void_fraction, cohesion, angle, alpha, theta, r, x0, d1;
-  };
-  const Row rows[] = {
-      {"a1", 0.70, 200, 50, 200, 0.396, 8.957, 2000, 86e-6},   {"a2", 0.70, 50, 50, 100, 0.396, 8.957, 450, 386e-6},
-      {"a3", 0.70, 1000, 50, 1000, 0.396, 8.957, 9000, 23e-6}, {"b1", 0.60, 200, 50, 200, 0.396, 8.957, 2000, 86e-6},
-      {"b2", 0.60, 50, 50, 100, 0.396, 8.957, 450, 386e-6},    {"b3", 0.60, 1000, 50, 1000, 0.396, 8.957, 9000, 23e-6},
-      {"b4", 0.60, 200, 40, 200, 0.315, 17.205, 4000, 43e-6},  {"b5", 0.60, 200, 60, 200, 0.469, 8.957, 4000, 386e-6},
-      {"c1", 0.50, 200, 50, 200, 0.396, 8.957, 2000, 86e-6},   {"d1", 0.36, 200, 50, 200, 0.396, 8.957, 2000, 86e-6},
-  };
-  for (const Row& row : rows) {
-    SCOPED_TRACE(row.file);
-    const std::string overlay = sourceFile(std::string("config/simulations/") + row.file + ".yaml");
-    const IceConfig ice = loadScenario({pullUp(), {overlay}, {}}).ice;
-    EXPECT_EQ(ice.void_fraction, row.void_fraction);
-    EXPECT_EQ(ice.cohesion_pa, row.cohesion);
-    EXPECT_EQ(ice.friction_angle_deg, row.angle);
-    EXPECT_EQ(ice.shear_constant_pa, row.alpha);
-    EXPECT_EQ(ice.shear_slope, row.theta);
-    EXPECT_EQ(ice.cap_aspect_ratio, row.r);
-    EXPECT_EQ(ice.cap_initial_intercept_pa, row.x0);
-    EXPECT_EQ(ice.cap_max_compaction, 0.093);
-    EXPECT_DOUBLE_EQ(ice.cap_hardening_linear_per_pa, row.d1);
-    EXPECT_DOUBLE_EQ(ice.cap_hardening_quadratic_per_pa2, 0.030e-12);
-  }
-}
-
 // ---- ranges, for each numeric key that there is
 
 TEST(EachNumericKey, RefusesWhatIsOutOfRangeOrNoNumber) {

@@ -202,6 +202,14 @@ TEST(Scenario, WiderNeighbourhoodsNeedMoreMemory) {
   EXPECT_GT(bytesPerParticle(solver), 8887.0);
 }
 
+TEST(Scenario, NeighbourhoodsThatMayGrowNeedMoreMemory) {
+  // At the limit of 1.5 supports grow by its cube root, 1.145: (2.4 x 1.145 + 0.15)^3 neighbours instead of 2.55^3.
+  SolverConfig solver;
+  const double constant = bytesPerParticle(solver) - 1000.0;
+  solver.smoothing_length = SmoothingLength::kVariable;
+  EXPECT_NEAR((bytesPerParticle(solver) - 1000.0) / constant, 1.4667, 1e-3);
+}
+
 TEST(Scenario, FieldBeyondCountingIsRefused) {
   EXPECT_EQ(verdict([](Scenario& s) { s.field.spacing_m = 1.0e-5; }),
             "field.spacing_m = 1.0e-05, makes 2.7e+11 million particles, at most 2147.484 million can be numbered; "

@@ -205,6 +205,20 @@ TEST(Determinism, SameHashForOneAndTwoThreadsAndInTwoRuns) {
   EXPECT_EQ(hashAfterALift(2), one);
 }
 
+TEST(Determinism, VariableSmoothingLengthMakesAnotherWorldTheSameForOneAndTwoThreads) {
+  const auto hashAfterALift = [](SmoothingLength smoothing_length, int threads) {
+    Scenario s = smallScenario();
+    s.solver.smoothing_length = smoothing_length;
+    s.solver.threads = threads;
+    Simulation simulation(s);
+    simulation.advance(4.0);
+    return simulation.stateHash();
+  };
+  const std::uint64_t one = hashAfterALift(SmoothingLength::kVariable, 1);
+  EXPECT_EQ(hashAfterALift(SmoothingLength::kVariable, 2), one);
+  EXPECT_NE(hashAfterALift(SmoothingLength::kConstant, 1), one);
+}
+
 TEST(Determinism, LengthOfAdvanceDoesNotMatter) {
   Simulation whole(smallScenario()), pieces(smallScenario());
   whole.advance(3.0);

@@ -43,5 +43,14 @@ TEST(CubicSpline, VanishesBeyondTwoSmoothingLengths) {
   EXPECT_EQ(kernel.derivative(0.72), 0.0);
 }
 
+TEST(SmoothingGrowth, IsTheCubeRootOfTheVolumeBetweenTheBoundsOfThePapersProgram) {
+  EXPECT_NEAR(smoothingGrowth(0.729), 0.9, 1e-12);
+  EXPECT_EQ(smoothingGrowth(1.0), 1.0);
+  EXPECT_NEAR(smoothingGrowth(1.331), 1.1, 1e-12);
+  // HMIN = 0.2 and HMAX = 2 of LS-DYNA's *SECTION_SPH.
+  EXPECT_EQ(smoothingGrowth(0.001), 0.2);
+  EXPECT_EQ(smoothingGrowth(27.0), 2.0);
+}
+
 }  // namespace
 }  // namespace brash_ice_rig

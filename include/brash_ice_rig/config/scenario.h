@@ -255,11 +255,14 @@ struct ProcedureConfig {
   }
 };
 
+enum class SmoothingLength { kConstant, kVariable };
+
 /// Discretisation. None of these keys is a property of the ice.
 struct SolverConfig {
   double stiffness_scale = 1.0e-3;
   double cfl_ratio = 0.5;
   double smoothing_ratio = 1.2;
+  SmoothingLength smoothing_length = SmoothingLength::kConstant;
   double viscosity_ratio = 0.1;
   double viscosity_speed_mps = 58.0;
   double volume_ratio_limit = 1.5;
@@ -273,6 +276,8 @@ struct SolverConfig {
     v("stiffness_scale", stiffness_scale, Range{1.0e-5, 1.0}, "factor on the elastic modulus; sets the time step");
     v("cfl_ratio", cfl_ratio, Range{0.001, 0.9}, "time step times wave speed over smoothing length, at most");
     v("smoothing_ratio", smoothing_ratio, Range{1.0, 2.0}, "smoothing length over spacing");
+    v("smoothing_length", smoothing_length, {"constant", "variable"},
+      "the same for all particles and times, or with the cube root of each particle's volume");
     v("viscosity_ratio", viscosity_ratio, Range{0.0, 1.0}, "alpha of the Monaghan viscosity");
     v("viscosity_speed_mps", viscosity_speed_mps, Range{0.0, 5000.0}, "wave speed in the viscosity, fixed on purpose");
     v("volume_ratio_limit", volume_ratio_limit, Range{1.0, 10.0, true},

@@ -38,6 +38,29 @@ double computeBulkDensity(double parent_density_kgpm3, double void_fraction);
 /// @param density_kgpm3  bulk density, kg/m³, > 0
 double computeWaveSpeed(const ElasticModuli& moduli, double density_kgpm3);
 
+/// Fracture energy of brash ice in uniaxial compression: G_fc = G_f^C (1 - sqrt(V_f)).
+/// @param parent_fracture_energy_jpm2  G_f^C of the parent level ice, J/m², > 0; 20 J/m² gives Table 7. Table 4 prints
+///                                     2.0E-05 MPa mm, which would be 0.02 J/m²: 2.0E-05 is the same energy in MPa m.
+/// @param void_fraction                V_f, ratio, 0 ≤ V_f < 1
+/// @return G_fc, J/m²
+/// Source: eq. 13.
+double computeCompressiveFractureEnergy(double parent_fracture_energy_jpm2, double void_fraction);
+
+/// Fracture toughness of brash ice: K_br = K_I (1 - sqrt(V_f)).
+/// @param parent_toughness_pa_sqrt_m  K_I of the parent level ice, Pa sqrt(m), > 0; 1.0e5 in Table 4
+/// @param void_fraction               V_f, ratio, 0 ≤ V_f < 1
+/// @return K_br, Pa sqrt(m)
+/// Source: eq. 14.
+double computeFractureToughness(double parent_toughness_pa_sqrt_m, double void_fraction);
+
+/// Fracture energy in uniaxial tension, and in pure shear, from toughness: G_ft = G_fs = (1 - nu²) K² / E.
+/// @param toughness_pa_sqrt_m  K of the brash ice, Pa sqrt(m), > 0
+/// @param elastic_modulus_pa   E of the brash ice at full stiffness, Pa, > 0
+/// @param poisson_ratio        nu, ratio, -1 < nu < 0.5
+/// @return J/m²
+/// Source: eq. 15 (Irwin's relation in plane strain).
+double computeTensileFractureEnergy(double toughness_pa_sqrt_m, double elastic_modulus_pa, double poisson_ratio);
+
 /// Shear surface through the compressive meridian of a Mohr-Coulomb material:
 ///   alpha = 6 c cos(phi) / (sqrt(3) (3 - sin(phi))),  theta = 2 sin(phi) / (sqrt(3) (3 - sin(phi)))
 /// @param cohesion_pa         c, Pa, ≥ 0

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+
 namespace brash_ice_rig {
 
 /// Cubic B-spline in three dimensions (Monaghan 1992). Support 2 h.
@@ -30,5 +33,14 @@ struct CubicSpline {
     return 1.0 / (kPi * smoothing_length_m * smoothing_length_m * smoothing_length_m);
   }
 };
+
+/// Smoothing length of a particle that follows its volume, over the one at rest: the cube root of V / V_0, at least 0.2
+/// and at most 2. This is dh/dt = h div(v) / 3, integrated.
+/// @param volume_ratio  V / V_0, > 0
+/// Source: LS-DYNA Keyword User's Manual, *CONTROL_SPH (DERIV = 0) and *SECTION_SPH (HMIN = 0.2, HMAX = 2), the
+/// defaults that section 4 of the paper ran with.
+inline double smoothingGrowth(double volume_ratio) {
+  return std::min(std::max(std::cbrt(volume_ratio), 0.2), 2.0);
+}
 
 }  // namespace brash_ice_rig

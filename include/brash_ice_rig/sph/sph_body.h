@@ -22,19 +22,22 @@ using AlignedVector = std::vector<T, Eigen::aligned_allocator<T>>;
 struct SphSettings {
   double particle_volume_m3 = 0.0;    ///< at rest, V_0
   double density_kgpm3 = 0.0;         ///< bulk density at rest, rho
-  double smoothing_length_m = 0.0;    ///< h, the same for all particles
+  double smoothing_length_m = 0.0;    ///< h, of all particles or at rest
   double viscosity_ratio = 0.1;       ///< alpha of the Monaghan viscosity
   double viscosity_speed_mps = 58.0;  ///< c in the viscosity; fixed, see doc/theory.md
   double volume_ratio_limit = 1.5;    ///< V / V_0 stays within 1/this .. this
   double determinant_limit = 0.1;     ///< below: no gradient correction
   double skin_m = 0.045;              ///< margin of the neighbour search
   double refresh_distance_m = 0.003;  ///< gradients are recomputed once a particle may have moved this far
+  /// Each particle's h follows its volume by smoothingGrowth().
+  bool variable_smoothing_length = false;
 };
 
 /// A body of renormalised total-stress SPH particles (doc/theory.md, section SPH):
 ///   M_i = sum_j V_j (x_j - x_i) (x) grad W_ij,  B_i = M_i^-1
 ///   L_i = [sum_j V_j (v_j - v_i) (x) grad W_ij] B_i
 ///   f_i = V_i sum_j V_j (sigma_i B_i + sigma_j B_j) grad_i W_ij + viscosity
+/// W_ij takes the mean of the two smoothing lengths, (h_i + h_j) / 2, so that grad_i W_ij = -grad_j W_ij in any case.
 /// Pair forces are antisymmetric, so that linear momentum is conserved, and the force is the virtual-work adjoint of L,
 /// so that angular momentum and energy are.
 ///
@@ -122,6 +125,10 @@ class SphBody {
   const std::vector<float>& volume() const {
     return volume_;
   }
+  /// h_i in the cached gradients, m.
+  const std::vector<double>& smoothingLength() const {
+    return smoothing_length_;
+  }
   bool isFixed(std::size_t i) const {
     return fixed_[i] != 0;
   }
@@ -142,6 +149,7 @@ class SphBody {
     Eigen::Vector4f viscosity;  ///< viscous force over V_i
   };
   Gathered gather(std::size_t i) const;
+  double updateSmoothingLengths();
   void refreshRow(std::size_t i);
   void updateRange(std::size_t begin, std::size_t end, float time_step_s);
 
@@ -160,7 +168,7 @@ class SphBody {
   AlignedVector<Eigen::Vector4f> viscosity_;   ///< viscous force over V_i, w = 0
 
   // Cache, valid since the last refresh.
-  NeighbourList candidates_;  ///< within support + skin
+  NeighbourList candidates_;  ///< within the longest support + skin
   /// grad W_ij times V_j in x, y, z; in w the factor Q that turns (dv . g) g into the viscous force. One per candidate,
   /// the first row_count_[i] of a row are in use.
   AlignedVector<Eigen::Vector4f> pair_;
@@ -169,9 +177,12 @@ class SphBody {
   AlignedVector<Matrix43f> correction_;          ///< B_i, row w = 0
   AlignedVector<Eigen::Vector4f> gradient_sum_;  ///< sum_j V_j grad W_ij
   std::vector<float> cached_volume_;
-  double travelled_ = 0.0;  ///< upper bound of any particle's way since the last refresh
+  std::vector<double> smoothing_length_;  ///< h_i
+
+  double longest_at_search_ = 0.0;  ///< largest h_i when candidates_ were found
+  double travelled_ = 0.0;          ///< upper bound of any particle's way since the last refresh
   double travelled_since_search_ = 0.0;
-  bool search_due_ = true, refresh_due_ = true;
+  bool refresh_due_ = true;
 
   float fastest_squared_ = 0.0f;
   bool sound_ = true;

@@ -104,6 +104,8 @@ std::string toJson(const RunSummary& summary) {
       {"residual_force_n", jsonNumber(summary.residual_force_n)},
       {"ice_peak_force_n", jsonNumber(summary.ice_peak_force_n)},
       {"ice_residual_force_n", jsonNumber(summary.ice_residual_force_n)},
+      {"energy_crane_work_j", jsonNumber(summary.energy_crane_work_j)},
+      {"energy_imbalance_ratio", jsonNumber(summary.energy_imbalance_ratio)},
       {"simulated_s", jsonNumber(summary.simulated_s)},
       {"wall_s", jsonNumber(summary.wall_s)},
       {"real_time_factor", jsonNumber(summary.real_time_factor)},
@@ -124,10 +126,15 @@ std::string toJson(const RunSummary& summary) {
 }
 
 std::string describe(const RunSummary& summary) {
+  const std::string energy = std::isfinite(summary.energy_crane_work_j)
+                                 ? "crane's work    " + rounded(summary.energy_crane_work_j, 0) +
+                                       " J, not found again " + rounded(100.0 * summary.energy_imbalance_ratio, 3) +
+                                       " %\n"
+                                 : "";
   return "peak force      " + rounded(summary.peak_force_n, 0) + " N at " + rounded(summary.peak_time_s, 2) +
          " s (ice alone " + rounded(summary.ice_peak_force_n, 0) + " N)\n" + "residual force  " +
          rounded(summary.residual_force_n, 0) + " N (ice alone " + rounded(summary.ice_residual_force_n, 0) + " N)\n" +
-         "simulated       " + rounded(summary.simulated_s, 2) + " s in " + rounded(summary.wall_s, 2) +
+         energy + "simulated       " + rounded(summary.simulated_s, 2) + " s in " + rounded(summary.wall_s, 2) +
          " s, real-time factor " + rounded(summary.real_time_factor, 2) + "\n" + "cost            " +
          rounded(summary.ns_per_particle_step, 0) + " ns per particle and step, " +
          std::to_string(summary.particle_count) + " particles, " + std::to_string(summary.step_count) + " steps of " +

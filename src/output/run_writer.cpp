@@ -40,12 +40,27 @@ std::string rowOf(const Snapshot& snapshot) {
   return row + '\n';
 }
 
+std::string energyHeader() {
+  std::string row = "time_s";
+  for (const EnergyTerm& term : kEnergyTerms) row += std::string(",") + term.name;
+  return row + ",rig_imbalance_j,contact_imbalance_j,ice_imbalance_j\n";
+}
+
+std::string energyRow(double time_s, const EnergyBalance& energy) {
+  std::string row = toText(time_s);
+  for (const EnergyTerm& term : kEnergyTerms) append(row, {energy.*term.value});
+  append(row, {energy.rigImbalance(), energy.contactImbalance(), energy.iceImbalance()});
+  return row + '\n';
+}
+
 /// Makes the directory ready for a new run and returns it.
 std::string prepare(const std::string& directory) {
   makeDirectory(directory);
-  std::error_code error;
-  std::filesystem::remove(directory + "/summary.json", error);
-  if (error) throw OutputError(directory + "/summary.json", error.message());
+  for (const char* name : {"/summary.json", "/energy.csv"}) {
+    std::error_code error;
+    std::filesystem::remove(directory + name, error);
+    if (error) throw OutputError(directory + name, error.message());
+  }
   return directory;
 }
 
@@ -63,15 +78,23 @@ RunWriter::RunWriter(const Simulation& simulation, const std::string& directory)
   scenario_file.close();
   force_file_.write(kHeader);
   force_file_.flush();
+  if (simulation.scenario().output.energy) {
+    energy_file_.emplace(energyPath(), OutputFile::Mode::kDirect);
+    energy_file_->write(energyHeader());
+    energy_file_->flush();
+  }
 }
 
 void RunWriter::write(const Snapshot& snapshot, StatusFlags raised) {
   flags_ |= snapshot.flags;
   flags_ |= raised;
   force_file_.write(rowOf(snapshot));
+  energy_ = snapshot.energy;
+  if (energy_file_ && energy_) energy_file_->write(energyRow(snapshot.time_s, *energy_));
   // Once per simulated second: a reader can follow, and a full disk shows early.
   if (static_cast<double>(++rows_since_flush_) * sample_period_s_ >= 1.0) {
     force_file_.flush();
+    if (energy_file_) energy_file_->flush();
     rows_since_flush_ = 0;
   }
   // Half a period: the end of settling is time 0 only to round-off.
@@ -82,12 +105,17 @@ void RunWriter::write(const Snapshot& snapshot, StatusFlags raised) {
 
 RunSummary RunWriter::finish(const Simulation& simulation, const RunTiming& timing, bool interrupted) {
   force_file_.close();
+  if (energy_file_) energy_file_->close();
   RunSummary summary;
   summary.peak_force_n = reading_.peak();
   summary.peak_time_s = reading_.peakTime();
   summary.residual_force_n = reading_.residual();
   summary.ice_peak_force_n = ice_.peak();
   summary.ice_residual_force_n = ice_.residual();
+  if (energy_) {
+    summary.energy_crane_work_j = energy_->crane_work_j;
+    summary.energy_imbalance_ratio = energy_->imbalanceRatio();
+  }
   summary.particle_count = simulation.particleCount();
   summary.step_count = simulation.stepCount() - first_step_;
   summary.dt_s = simulation.timeStep();

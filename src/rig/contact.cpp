@@ -39,7 +39,7 @@ ContactSum RigContact::update(double time_step_s, const SphBody& ice, const Coll
     const Eigen::Vector3d velocity = ice.velocity()[i].head<3>().cast<double>();
     // Books one touch, of net or pole, on the particle and on the rig; returns the force on the ice.
     const auto press = [&](const Touch& touch, Memory& memory) -> Eigen::Vector3d {
-      const Forces on_ice = resolve(time_step_s, touch, velocity, memory);
+      const Forces on_ice = resolve(time_step_s, touch, velocity, memory, sum);
       const Eigen::Vector3d total = on_ice.normal + on_ice.friction;
       force_[i].head<3>() += total.cast<float>();
       sum.normal_n -= on_ice.normal;
@@ -96,19 +96,26 @@ ContactSum RigContact::update(double time_step_s, const SphBody& ice, const Coll
 }
 
 RigContact::Forces RigContact::resolve(double time_step_s, const Touch& touch, const Eigen::Vector3d& velocity,
-                                       Memory& memory) const {
+                                       Memory& memory, ContactSum& sum) const {
   const Eigen::Vector3d relative = velocity - touch.surface_velocity_mps;
   const double approach = touch.normal.dot(relative);
-  const double push = std::max(stiffness_ * touch.penetration_m - damping_ * approach, 0.0);
+  const double elastic_push = stiffness_ * touch.penetration_m;
+  const double push = std::max(elastic_push - damping_ * approach, 0.0);
 
   const Eigen::Vector3d sliding = relative - approach * touch.normal;
   Eigen::Vector3d& spring = memory.spring_m;
+  const Eigen::Vector3d old_spring = spring;
   spring -= touch.normal.dot(spring) * touch.normal;
   spring += time_step_s * sliding;
   const double tangential_stiffness = config_.tangential_stiffness_ratio * stiffness_;
   const double grip = frictionCoefficient(config_, sliding.norm()) * push;
   const double pull = tangential_stiffness * spring.norm();
+  const Eigen::Vector3d stretched = spring;
   if (pull > grip) spring *= grip / pull;
+
+  sum.spring_energy_j += 0.5 * elastic_push * touch.penetration_m + 0.5 * tangential_stiffness * spring.squaredNorm();
+  sum.damper_loss_j += time_step_s * (elastic_push - push) * approach;
+  sum.friction_loss_j += 0.5 * tangential_stiffness * (old_spring + spring).dot(stretched - spring);
   return {push * touch.normal, -tangential_stiffness * spring};
 }
 

@@ -16,6 +16,7 @@
 #include "brash_ice_rig/rig/crane.h"
 #include "brash_ice_rig/rig/load_cell.h"
 #include "brash_ice_rig/rig/procedure.h"
+#include "brash_ice_rig/simulation/energy_audit.h"
 #include "brash_ice_rig/simulation/plug.h"
 #include "brash_ice_rig/sph/sph_body.h"
 #include "brash_ice_rig/water/water.h"
@@ -97,6 +98,7 @@ struct Simulation::Impl {
   void moveRig();
   void takeCommands();
   void updateForces();
+  RigInstant rigInstant() const;
   Eigen::Vector3d hubPosition() const;
   double time() const { return (static_cast<double>(step_count) - static_cast<double>(settle_steps)) * time_step; }
   double hubHeight() const { return hubPosition().z(); }
@@ -123,6 +125,7 @@ struct Simulation::Impl {
   ContactSum contact_sum;
   Eigen::Vector3d support = Eigen::Vector3d::Zero();  ///< N, of the crane on the rig
   double fold_target;
+  std::optional<EnergyAudit> audit;  ///< with output.energy only
 
   // Manual control.
   Eigen::Vector3d velocity_command = Eigen::Vector3d::Zero();
@@ -166,6 +169,7 @@ Simulation::Impl::Impl(const Scenario& s)
       steps_per_sample * static_cast<std::uint64_t>(std::llround(s.procedure.settle_duration_s / sample_period));
   updateForces();
   load_cell.sample();
+  if (s.output.energy) audit.emplace(time_step, ice, material, water, contact, rigInstant());
 }
 
 Eigen::Vector3d Simulation::Impl::hubPosition() const {
@@ -216,6 +220,19 @@ void Simulation::Impl::updateForces() {
   load_cell.step(time_step, support);
 }
 
+RigInstant Simulation::Impl::rigInstant() const {
+  RigInstant rig;
+  rig.position_m = crane.position();
+  rig.velocity_mps = crane.velocity();
+  rig.support_n = support;
+  rig.arm_angle_rad = collector.armAngle();
+  rig.mass_kg = collector.mass();
+  rig.weight_n = collector.weight();
+  rig.buoyancy_n = collector.buoyancy(hubHeight(), scenario.water.density_kgpm3);
+  rig.contact = contact_sum;
+  return rig;
+}
+
 /// The second half of a step, after the ice has moved: the rig follows its orders, and the forces between the two are
 /// brought up to date. They hold for the ice in the next step, and what a snapshot shows belongs to one instant.
 void Simulation::Impl::moveRig() {
@@ -240,6 +257,7 @@ void Simulation::Impl::moveRig() {
   collector.step(time_step, fold_order, contact_sum.opening_moment_nm, flags);
   ++step_count;
   updateForces();
+  if (audit) audit->observeRig(rigInstant());
   if (step_count % steps_per_sample == 0) load_cell.sample();
 }
 
@@ -304,8 +322,10 @@ StepReport Simulation::advance(double duration_s) {
     world.takeCommands();
     const double damping = world.step_count < world.settle_steps ? world.scenario.procedure.settle_damping_per_s : 0.0;
     world.ice.updateGradients();
+    if (world.audit) world.audit->beginStep();
     world.ice.updateStress(world.time_step);
     world.ice.updateMotion(world.time_step, damping, external);
+    if (world.audit) world.audit->endStep(damping);
 #pragma omp single
     world.moveRig();
   }
@@ -358,6 +378,7 @@ Snapshot Simulation::snapshot() const {
   }
   c.plug_friction_n = c.ice_normal_n + c.ice_friction_n - (c.plug_gravity_n - c.plug_buoyancy_n + c.plug_drag_n);
   snapshot.kinetic_energy_j = 0.5 * world.ice.particleMass() * speed_squared_sum;
+  if (world.audit) snapshot.energy = world.audit->balance();
   return snapshot;
 }
 

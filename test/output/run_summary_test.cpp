@@ -69,15 +69,30 @@ TEST(RunSummary, JsonHasTheKeysThatOthersRead) {
   summary.state_hash = 0x00c0ffee12345678u;
   summary.status = "fold_jammed: the \"umbrella\" sticks";
   const YAML::Node json = YAML::Load(toJson(summary));  // JSON is YAML
-  const std::vector<std::string> keys = {
-      "peak_force_n", "peak_time_s", "residual_force_n", "ice_peak_force_n",     "ice_residual_force_n",
-      "simulated_s",  "wall_s",      "real_time_factor", "ns_per_particle_step", "particle_count",
-      "step_count",   "dt_s",        "threads",          "state_hash",           "status"};
+  const std::vector<std::string> keys = {"peak_force_n",
+                                         "peak_time_s",
+                                         "residual_force_n",
+                                         "ice_peak_force_n",
+                                         "ice_residual_force_n",
+                                         "energy_crane_work_j",
+                                         "energy_imbalance_ratio",
+                                         "simulated_s",
+                                         "wall_s",
+                                         "real_time_factor",
+                                         "ns_per_particle_step",
+                                         "particle_count",
+                                         "step_count",
+                                         "dt_s",
+                                         "threads",
+                                         "state_hash",
+                                         "status"};
   std::vector<std::string> found;
   for (const auto& entry : json) found.push_back(entry.first.as<std::string>());
   EXPECT_EQ(found, keys);
   EXPECT_EQ(json["peak_force_n"].as<double>(), 19432.0625);
   EXPECT_EQ(json["peak_time_s"].as<double>(), 22.61);
+  EXPECT_TRUE(json["energy_crane_work_j"].IsNull());  // no audit
+  EXPECT_TRUE(json["energy_imbalance_ratio"].IsNull());
   EXPECT_EQ(json["particle_count"].as<int>(), 10000);
   EXPECT_EQ(json["step_count"].as<std::uint64_t>(), 12345678901u);
   EXPECT_EQ(json["state_hash"].as<std::string>(), "00c0ffee12345678");

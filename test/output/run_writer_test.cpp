@@ -150,6 +150,43 @@ TEST_F(RunWriterTest, FlagsOfAnyMomentReachTheStatus) {
   EXPECT_NE(status.find("fold_jammed: "), std::string::npos) << status;
 }
 
+TEST_F(RunWriterTest, EnergyGoesIntoATableOfItsOwnAndIntoTheSummary) {
+  Scenario scenario = smallScenario();
+  scenario.output.energy = true;
+  Simulation simulation(scenario);
+  RunWriter writer(simulation, directory_.path());
+  Snapshot snapshot = sampleAt(0.5, Stage::kLift, 1.0, 1.0);
+  snapshot.energy.emplace();
+  snapshot.energy->crane_work_j = 400.0;
+  snapshot.energy->work_on_ice_j = 300.0;
+  snapshot.energy->plastic_j = 1.0 / 3.0;
+  writer.write(snapshot, StatusFlags());
+  const RunSummary summary = writer.finish(simulation, RunTiming(), false);
+  const std::vector<std::string> lines = split(readFile(writer.energyPath()), '\n');
+  ASSERT_EQ(lines.size(), 2u);
+  const std::vector<std::string> names = split(lines[0], ','), cells = split(lines[1], ',');
+  ASSERT_EQ(names.size(), kEnergyTerms.size() + 4);
+  ASSERT_EQ(cells.size(), names.size());
+  EXPECT_EQ(names[0], "time_s");
+  EXPECT_EQ(cells[0], "0.5");
+  for (std::size_t k = 0; k < kEnergyTerms.size(); ++k) {
+    EXPECT_EQ(names[k + 1], kEnergyTerms[k].name);
+    EXPECT_EQ(std::strtod(cells[k + 1].c_str(), nullptr), (*snapshot.energy).*kEnergyTerms[k].value) << names[k + 1];
+  }
+  EXPECT_EQ(names[names.size() - 3], "rig_imbalance_j");
+  EXPECT_EQ(cells[names.size() - 3], "100");
+  EXPECT_EQ(summary.energy_crane_work_j, 400.0);
+  EXPECT_NEAR(summary.energy_imbalance_ratio, (400.0 - 1.0 / 3.0) / 400.0, 1e-12);
+}
+
+TEST_F(RunWriterTest, WithoutEnergyThereIsNoTableNotEvenAnEarlierOne) {
+  directory_.put("energy.csv", "time_s\n");
+  RunWriter writer(simulation_, directory_.path());
+  writer.write(sampleAt(0.5, Stage::kLift, 1.0, 1.0), StatusFlags());
+  EXPECT_TRUE(std::isnan(writer.finish(simulation_, RunTiming(), false).energy_crane_work_j));
+  EXPECT_FALSE(std::filesystem::exists(writer.energyPath()));
+}
+
 TEST_F(RunWriterTest, UnfinishedRunHasNoSummaryEvenWhereAnEarlierRunLeftOne) {
   directory_.put("summary.json", "{}");
   {

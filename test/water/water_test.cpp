@@ -34,6 +34,25 @@ TEST(Buoyancy, AColumnOfTheFieldFloatsAtNineTenths) {
   EXPECT_NEAR(sum, 0.0f, 1e-3f);
 }
 
+TEST(WaterPotential, OfAPushedUnderCubeIsArchimedesMeanForceTimesItsHeight) {
+  // From just clear of the water to just under it the buoyancy grows linearly to 105.948 N, over 0.3 m.
+  EXPECT_NEAR(particle().buoyancyPotential(-0.15) - particle().buoyancyPotential(0.15), 0.5 * 105.948 * 0.3, 1e-5);
+  EXPECT_EQ(particle().buoyancyPotential(2.0), 0.0);
+  EXPECT_NEAR(particle().buoyancyPotential(-2.15) - particle().buoyancyPotential(-0.15), 105.948 * 2.0, 1e-4);
+  EXPECT_NEAR(particle().weightPotential(3.0), 95.3532 * 3.0, 1e-3);
+}
+
+TEST(WaterPotential, FallsByTheForceTimesTheWay) {
+  const double step = 1e-4;
+  for (const double height : {-0.4, -0.14, -0.05, 0.0, 0.1, 0.149, 0.3}) {
+    const double slope = (particle().buoyancyPotential(height + step) + particle().weightPotential(height + step) -
+                          particle().buoyancyPotential(height - step) - particle().weightPotential(height - step)) /
+                         (2.0 * step);
+    const float force = particle().force(static_cast<float>(height), Eigen::Vector4f::Zero()).z();
+    EXPECT_NEAR(-slope, static_cast<double>(force), 2e-3) << height;
+  }
+}
+
 TEST(Drag, OpposesTheVelocityWithEq3sMagnitude) {
   // 1/2 x 1.05 x 1000 x 0.4 x 0.09 m² x (0.2 m/s)² = 0.756 N
   const Eigen::Vector4f up(0.0f, 0.0f, 0.2f, 0.0f);

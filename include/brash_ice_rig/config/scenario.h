@@ -294,10 +294,12 @@ struct SolverConfig {
 /// What `brash_ice run` and the node write.
 struct OutputConfig {
   double vtk_interval_s = 0.0;
+  bool energy = false;
 
   template <class Visitor>
   void visit(Visitor& v) {
     v("vtk_interval_s", vtk_interval_s, Range{0.0, 3600.0}, "simulated time between VTK snapshots; 0: none");
+    v("energy", energy, "follow where the work of the crane goes: energy.csv");
   }
 };
 

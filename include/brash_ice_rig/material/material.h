@@ -38,6 +38,13 @@ class Material {
   /// Elastic moduli, Pa: bulk K and shear G (eq. 6).
   virtual double bulkModulus() const = 0;
   virtual double shearModulus() const = 0;
+
+  /// Elastic energy that a particle would give back on unloading, per present volume, J/m³, ≥ 0. Here that of the
+  /// moduli above, J1²/(18 K) + J2'/(2 G); a model whose moduli change with its state says so itself.
+  /// @param stress_pa  in the order above
+  /// @param state      one value per entry of stateNames()
+  virtual double elasticEnergyDensity(const std::array<float, kComponents>& stress_pa,
+                                      const std::vector<float>& state) const;
 };
 
 }  // namespace brash_ice_rig

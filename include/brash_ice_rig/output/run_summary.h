@@ -51,7 +51,9 @@ struct RunSummary {
   double residual_force_n = 0.0;  ///< mean of the reading over the last 4.5 s before stage done
   double ice_peak_force_n = 0.0;  ///< the same of the ice force alone, > 0 down
   double ice_residual_force_n = 0.0;
-  double simulated_s = 0.0;  ///< settling included
+  double energy_crane_work_j = std::numeric_limits<double>::quiet_NaN();  ///< from the start; NaN without energy audit
+  double energy_imbalance_ratio = std::numeric_limits<double>::quiet_NaN();  ///< share of it that the audit missed
+  double simulated_s = 0.0;                                                  ///< settling included
   double wall_s = 0.0;
   double real_time_factor = 0.0;      ///< simulated_s / wall_s
   double ns_per_particle_step = 0.0;  ///< wall time spent in the simulation, per particle and step

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
 #include "brash_ice_rig/output/output_file.h"
@@ -15,7 +16,8 @@ struct RunTiming {
   double compute_s = 0.0;  ///< inside Simulation::advance() only
 };
 
-/// Leaves a run's files in a directory: scenario.yaml at once, force.csv as it grows, summary.json at the end.
+/// Leaves a run's files in a directory: scenario.yaml at once, force.csv as it grows, summary.json at the end; beside
+/// force.csv energy.csv, if the scenario asks for it.
 /// Where there is no summary.json, the run did not get to its end: one from an earlier run is removed at the start.
 ///
 /// Use: one RunWriter per run, made before the first advance(); after each advance(samplePeriod()) one write();
@@ -25,22 +27,25 @@ class RunWriter {
   /// Creates the directory, parents too, and writes scenario.yaml, the effective scenario.
   RunWriter(const Simulation& simulation, const std::string& directory);
 
-  /// One row of force.csv, one sample of the statistics.
+  /// One row of force.csv (and of energy.csv), one sample of the statistics.
   /// @param raised  flags of the StepReport since the last call; they and the snapshot's go into the summary
   void write(const Snapshot& snapshot, StatusFlags raised);
 
-  /// Closes force.csv and writes summary.json.
+  /// Closes the tables and writes summary.json.
   /// @param interrupted  stopped from outside before the script's end
   RunSummary finish(const Simulation& simulation, const RunTiming& timing, bool interrupted);
 
   const std::string& directory() const { return directory_; }
   std::string scenarioPath() const { return directory_ + "/scenario.yaml"; }
   std::string forcePath() const { return directory_ + "/force.csv"; }
+  std::string energyPath() const { return directory_ + "/energy.csv"; }
   std::string summaryPath() const { return directory_ + "/summary.json"; }
 
  private:
   std::string directory_;
   OutputFile force_file_;
+  std::optional<OutputFile> energy_file_;
+  std::optional<EnergyBalance> energy_;  ///< of the last row
   ForceStatistics reading_, ice_;
   StatusFlags flags_;
   double sample_period_s_;

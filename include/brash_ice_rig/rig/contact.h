@@ -22,6 +22,9 @@ struct ContactSum {
   Eigen::Vector3d friction_n = Eigen::Vector3d::Zero();  ///< frame map
   double opening_moment_nm = 0.0;  ///< on all arms about their hinges, > 0 presses them down and open
   double deepest_m = 0.0;          ///< largest penetration
+  double spring_energy_j = 0.0;    ///< held by normal and friction springs
+  double damper_loss_j = 0.0;      ///< since the last update
+  double friction_loss_j = 0.0;    ///< by slip, since the last update
   Eigen::Vector3d total() const { return normal_n + friction_n; }
 };
 
@@ -61,7 +64,9 @@ class RigContact {
   struct Forces {
     Eigen::Vector3d normal, friction;
   };
-  Forces resolve(double time_step_s, const Touch& touch, const Eigen::Vector3d& velocity, Memory& memory) const;
+  /// @param sum  gets the energies of this touch
+  Forces resolve(double time_step_s, const Touch& touch, const Eigen::Vector3d& velocity, Memory& memory,
+                 ContactSum& sum) const;
 
   ContactConfig config_;
   double stiffness_, damping_, offset_;

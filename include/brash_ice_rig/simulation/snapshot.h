@@ -2,10 +2,12 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
 
+#include "brash_ice_rig/simulation/energy_balance.h"
 #include "brash_ice_rig/simulation/status.h"
 
 namespace brash_ice_rig {
@@ -66,6 +68,7 @@ struct Snapshot {
   ForceBalance components;
   RigState rig;
   double kinetic_energy_j = 0.0;
+  std::optional<EnergyBalance> energy;  ///< since the start of the run; only with output.energy
   StatusFlags flags;
 };
 

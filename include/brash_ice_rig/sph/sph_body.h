@@ -107,6 +107,10 @@ class SphBody {
 
   /// N, from stress and viscosity, of the last updateStress(); w = 0.
   Eigen::Vector4f internalForce(std::size_t i) const;
+  /// N, the part of it that is viscosity; w = 0.
+  Eigen::Vector4f viscousForce(std::size_t i) const {
+    return cached_volume_[i] * viscosity_[i];
+  }
 
   const std::vector<Eigen::Vector3d>& position() const {
     return position_;

@@ -34,7 +34,17 @@ class ParticleInWater {
     return -drag_ * submerged * velocity_mps.head<3>().norm() * velocity_mps;
   }
 
-  /// All three, N, w = 0.
+  /// Potential energy of weight and buoyancy, J: 0 at the waterline, and where a particle is just clear of the water.
+  /// Their negative derivatives by the height are -weight() and buoyancy(submerged(height)).
+  double weightPotential(double height_m) const { return static_cast<double>(weight_) * height_m; }
+  double buoyancyPotential(double height_m) const {
+    const double spacing = static_cast<double>(spacing_);
+    const double depth = 0.5 * spacing - height_m;  // of the lower face
+    const double rise = depth < 0.0 ? 0.0 : (depth > spacing ? depth - 0.5 * spacing : 0.5 * depth * depth / spacing);
+    return static_cast<double>(full_buoyancy_) * rise;
+  }
+
+  /// All three forces, N, w = 0.
   Eigen::Vector4f force(float height_m, const Eigen::Vector4f& velocity_mps) const {
     const float share = submerged(height_m);
     Eigen::Vector4f sum = drag(velocity_mps, share);

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "brash_ice_rig/config/config_error.h"
-#include "number_check.h"
+#include "brash_ice_rig/config/number_check.h"
 
 namespace brash_ice_rig {
 namespace {

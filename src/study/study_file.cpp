@@ -211,11 +211,9 @@ std::string leafOf(const std::string& key) {
 
 std::vector<CaseSource> readGrid(const Item& grid) {
   const std::vector<Item> axes = grid.map("must be a map of scenario keys, such as {ice.cohesion_pa: [50, 200]}");
-  std::map<std::string, int> leaf_count;
   double case_count = 1.0;
   std::vector<std::vector<Setting>> values;
   for (const Item& axis : axes) {
-    ++leaf_count[leafOf(axis.name)];
     values.emplace_back();
     for (const Item& value : axis.list("must be a list of values")) {
       values.back().push_back(settingOf(axis.name, value, value.text("must be a single value")));
@@ -234,9 +232,7 @@ std::vector<CaseSource> readGrid(const Item& grid) {
     for (std::size_t axis = 0; axis < axes.size(); ++axis) {
       const Setting& setting = values[axis][at[axis]];
       source.settings.push_back(setting);
-      const std::string leaf = leafOf(setting.key);
-      const std::string separator = axis == 0 ? "" : ",";
-      source.described.name += separator + (leaf_count[leaf] == 1 ? leaf : setting.key) + "=" + setting.value;
+      source.described.name += (axis == 0 ? "" : ",") + leafOf(setting.key) + "=" + setting.value;
       source.described.title += (axis == 0 ? "" : ", ") + setting.key + " = " + setting.value;
     }
     std::string& name = source.described.name;

@@ -86,6 +86,19 @@ TEST(ShippedStudies, PaperHasTheTenSimulationsOfTable5) {
   EXPECT_EQ(study.findings, "paper");
 }
 
+TEST_F(StudyFileTest, ExampleOfTheGuideLoads) {
+  std::string guide = readFile(sourceFile("doc/studies.md"));
+  const std::string fence = "```yaml\n";
+  const auto start = guide.find(fence);
+  ASSERT_NE(start, std::string::npos);
+  std::string example = guide.substr(start + fence.size());
+  example.erase(example.find("```"));
+  const std::string scenario = "../scenarios/pull_up.yaml";
+  ASSERT_NE(example.find(scenario), std::string::npos);
+  example.replace(example.find(scenario), scenario.size(), sourceFile("config/scenarios/pull_up.yaml"));
+  EXPECT_EQ(readStudy(directory_.put("guide.yaml", example)).runs.size(), 6u);
+}
+
 // ---- what a study is
 
 TEST_F(StudyFileTest, IsRecognisedByItsCases) {

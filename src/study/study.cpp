@@ -38,6 +38,7 @@ class DirectoryLock {
     // Children keep it open: while one of a study that was killed still runs, the directory is not free.
     number_ = open(path.c_str(), O_RDWR | O_CREAT, 0666);
     if (number_ < 0) throw OutputError(path, std::generic_category().message(errno));
+    // Other errors: a file system without locks, on which users must take care themselves.
     if (flock(number_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
     close(number_);
     throw std::runtime_error(directory + ": another study is at work there; wait for it, or give another --out");

@@ -194,7 +194,7 @@ TEST_F(StudyProgramTest, CheckTakesStudies) {
 }
 
 TEST_F(StudyProgramTest, WithoutTheReportProgramTheTableStands) {
-  // A link is not the program: /proc/self/exe names the file itself, so a copy it is.
+  // A copy: a link would lead to the program's own directory, where the report program may lie.
   std::filesystem::create_directory(directory_.file("bin"));
   std::filesystem::copy_file(BRASH_ICE_PROGRAM, directory_.file("bin/brash_ice"));
   directory_.putStudy("cases: [{name: a}]\n");
@@ -263,6 +263,10 @@ TEST_F(StudyProgramTest, MpiGivesTheSameTableBitForBit) {
   EXPECT_EQ(count(spread.text, " done in "), 4) << "only the first process reports\n" << spread.text;
   EXPECT_EQ(read("spread/results.csv"), read("alone/results.csv"));
   EXPECT_EQ(read("spread/study.yaml"), read("alone/study.yaml"));
+  // So it goes on from what was made without MPI, and where there is nothing left to do.
+  const Outcome resumed = shell(mpirun + "study study.yaml --out alone --no-report");
+  EXPECT_EQ(resumed.exit_code, 0) << resumed.text;
+  EXPECT_TRUE(contains(resumed.text, "4 runs, 4 of them made before")) << resumed.text;
   // Bad input ends all processes, with the same exit code.
   EXPECT_EQ(shell(mpirun + "study missing.yaml --out none --no-report").exit_code, 2);
 #else

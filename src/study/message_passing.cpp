@@ -11,15 +11,17 @@
 namespace brash_ice_rig {
 namespace {
 
+/// A variable's whole number; 0 where it is not set or something else.
+int numberFrom(const char* variable) {
+  const char* text = std::getenv(variable);
+  return text == nullptr ? 0 : static_cast<int>(std::strtol(text, nullptr, 10));
+}
+
 /// Processes that mpirun (Open MPI; MPICH and its kin) or Slurm's srun has started, by the variables they set.
 int processCount() {
-  int count = 1;
-  for (const char* name : {"OMPI_COMM_WORLD_SIZE", "PMI_SIZE"}) {
-    if (const char* text = std::getenv(name)) count = std::max(count, std::atoi(text));
-  }
+  int count = std::max({1, numberFrom("OMPI_COMM_WORLD_SIZE"), numberFrom("PMI_SIZE")});
   // Slurm sets the second always, the first only for programs with MPI.
-  const char* steps = std::getenv("SLURM_STEP_NUM_TASKS");
-  if (std::getenv("PMIX_RANK") != nullptr && steps != nullptr) count = std::max(count, std::atoi(steps));
+  if (std::getenv("PMIX_RANK") != nullptr) count = std::max(count, numberFrom("SLURM_STEP_NUM_TASKS"));
   return count;
 }
 
@@ -41,6 +43,7 @@ void MessagePassing::send(int to, const std::string& text) {
   MPI_Send(text.data(), static_cast<int>(text.size()), MPI_CHAR, to, 0, MPI_COMM_WORLD);
 }
 
+// NOLINTNEXTLINE(readability-make-member-function-const): it takes the message away
 std::optional<MessagePassing::Message> MessagePassing::receive() {
   if (!started_) return std::nullopt;
   int there = 0, size = 0;

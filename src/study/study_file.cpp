@@ -66,7 +66,7 @@ struct Item {
   std::string word(const std::vector<std::string>& words) const {
     std::string rule = "must be " + words.front();
     for (std::size_t i = 1; i < words.size(); ++i) rule += (i + 1 < words.size() ? ", " : " or ") + words[i];
-    const std::string written = text(rule);
+    std::string written = text(rule);
     if (std::find(words.begin(), words.end(), written) == words.end()) refuse(rule);
     return written;
   }
@@ -346,7 +346,7 @@ Scenario buildScenario(const std::string& file, const std::vector<std::string>& 
   sources.settings.push_back("field.seed=" + std::to_string(seed));
   const std::string in_case = ": case " + source.described.name;
   try {
-    const Scenario scenario = loadScenario(sources);
+    Scenario scenario = loadScenario(sources);
     if (scenario.procedure.control == ControlMode::kManual) {
       throw ConfigError("procedure.control", "manual", "has no end; a study needs scripted", file);
     }
@@ -399,7 +399,7 @@ std::vector<std::string> caseNames(const Study& study) {
 }
 
 std::string readCaseName(const Item& item, const std::vector<std::string>& known) {
-  const std::string name = item.text("must be the name of a case");
+  std::string name = item.text("must be the name of a case");
   if (std::find(known.begin(), known.end(), name) == known.end()) {
     item.refuse("is not a case of this study; did you mean " + nearestWord(known, name) + "?");
   }

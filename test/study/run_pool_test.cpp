@@ -224,8 +224,12 @@ TEST_F(RunPoolTest, ANewAttemptRemovesTheOldSummaryBeforeItWritesTheNewScenario)
   // A study that is killed right after this must not take the old results for those of the new scenario.
   directory_.put("summary.json", "{\"status\": \"ok\"}");
   directory_.put("scenario.yaml", "");
-  prepareRun(directory_.path(), toYaml(Scenario{}), "stamp\n");
+  // Killed right then: it does not get as far as the scenario.
+  std::filesystem::create_directory(directory_.file("scenario.yaml.partial"));
+  EXPECT_THROW(prepareRun(directory_.path(), toYaml(Scenario{}), "stamp\n"), OutputError);
   EXPECT_FALSE(std::filesystem::exists(directory_.file("summary.json")));
+  std::filesystem::remove(directory_.file("scenario.yaml.partial"));
+  prepareRun(directory_.path(), toYaml(Scenario{}), "stamp\n");
   EXPECT_EQ(readFile(directory_.file("scenario.yaml")), toYaml(Scenario{}));
 }
 

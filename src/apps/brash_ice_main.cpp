@@ -1,27 +1,28 @@
-// brash_ice: runs and checks pull-up scenarios without ROS.
+// brash_ice: runs and checks pull-up scenarios and studies without ROS.
 
 #include <fcntl.h>
+#include <poll.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <exception>
 #include <filesystem>
 #include <limits>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include <CLI/CLI.hpp>
 
 #include "brash_ice_rig/config/scenario_reader.h"
-#include "brash_ice_rig/output/run_writer.h"
-#include "brash_ice_rig/output/vtk_writer.h"
+#include "brash_ice_rig/output/progress_line.h"
+#include "brash_ice_rig/output/run_files.h"
 #include "brash_ice_rig/simulation/simulation.h"
 #include "brash_ice_rig/simulation/waiting_threads.h"
+#include "brash_ice_rig/study/study.h"
+#include "brash_ice_rig/study/study_file.h"
 #include "brash_ice_rig/version.h"
 
 namespace brash_ice_rig {
@@ -60,88 +61,93 @@ double expectedDuration(const Scenario& scenario) {
 class Progress {
  public:
   explicit Progress(const Scenario& scenario)
-      : terminal_(isatty(STDERR_FILENO) != 0),
-        settle_s_(scenario.procedure.settle_duration_s),
-        total_s_(expectedDuration(scenario)) {}
+      : settle_s_(scenario.procedure.settle_duration_s), total_s_(expectedDuration(scenario)) {}
 
   void show(const Snapshot& snapshot) {
     const double wall_s = secondsSince(start_);
-    if (snapshot.stage == shown_stage_ && wall_s - shown_wall_s_ < (terminal_ ? 0.1 : 2.0)) return;
+    if (snapshot.stage == shown_stage_ && wall_s - shown_wall_s_ < (line_.onTerminal() ? 0.1 : 2.0)) return;
     shown_wall_s_ = wall_s;
     shown_stage_ = snapshot.stage;
-    std::fprintf(stderr, "%s%-7s t %7.2f s   hub %+6.2f m   force %8.0f N", terminal_ ? "\r" : "",
-                 stageName(snapshot.stage), snapshot.time_s, snapshot.rig.hoist_position_m, snapshot.force_n);
-    if (terminal_) showBar(std::clamp((snapshot.time_s + settle_s_) / total_s_, 0.0, 1.0), wall_s);
-    std::fputs(terminal_ ? "\033[K" : "\n", stderr);
-    std::fflush(stderr);
+    char text[128];
+    std::snprintf(text, sizeof text, "%-7s t %7.2f s   hub %+6.2f m   force %8.0f N", stageName(snapshot.stage),
+                  snapshot.time_s, snapshot.rig.hoist_position_m, snapshot.force_n);
+    line_.show(line_.onTerminal() ? text + ("   " + bar(snapshot.time_s, wall_s)) : text);
   }
 
-  void end() const {
-    if (terminal_) std::fputs("\n", stderr);
-  }
+  void end() { line_.end(); }
 
  private:
-  static void showBar(double done, double wall_s) {
-    constexpr int kWidth = 24;
-    const int filled = static_cast<int>(std::lround(done * kWidth));
-    std::fprintf(stderr, "   [%s%s] %3.0f %%", std::string(filled, '#').c_str(),
-                 std::string(kWidth - filled, '.').c_str(), 100.0 * done);
+  std::string bar(double time_s, double wall_s) const {
+    const double done = std::clamp((time_s + settle_s_) / total_s_, 0.0, 1.0);
     // The first moments say little about the rest.
-    if (done < 0.01) return;
-    const auto left_s = static_cast<long>(std::ceil(wall_s * (1.0 - done) / done));
-    std::fprintf(stderr, "  %ld:%02ld left", left_s / 60, left_s % 60);
+    return progressBar(done, done < 0.01 ? -1.0 : wall_s * (1.0 - done) / done);
   }
 
-  bool terminal_;
+  ProgressLine line_;
   double settle_s_, total_s_;
   WallClock::time_point start_ = WallClock::now();
   double shown_wall_s_ = -std::numeric_limits<double>::infinity();
   Stage shown_stage_ = Stage::kSettle;
 };
 
-int run(const ScenarioSources& sources, const std::string& directory) {
+/// Whether standard input is a pipe whose other end is closed.
+bool stdinIsClosed() {
+  pollfd input{STDIN_FILENO, 0, 0};
+  return poll(&input, 1, 0) > 0 && (input.revents & (POLLHUP | POLLERR)) != 0;
+}
+
+void handleStopSignals() {
+  std::signal(SIGINT, requestStop);
+  std::signal(SIGTERM, requestStop);
+}
+
+/// @param watch_stdin  stop when it is closed
+int run(const ScenarioSources& sources, const std::string& directory, bool watch_stdin) {
   const Scenario scenario = loadScenario(sources);
   if (scenario.procedure.control == ControlMode::kManual) {
     throw ConfigError("procedure.control", "manual", "has no end; `brash_ice run` needs scripted", sources.file);
   }
   Simulation simulation(scenario);
-  RunWriter writer(simulation, directory);
-  std::optional<VtkWriter> vtk;
-  if (scenario.output.vtk_interval_s > 0.0) vtk.emplace(directory + "/vtk");
-
-  std::signal(SIGINT, requestStop);
-  std::signal(SIGTERM, requestStop);
+  RunFiles files(simulation, directory);
+  handleStopSignals();
   Progress progress(scenario);
-  RunTiming timing;
-  if (vtk) vtk->writeIfDue(simulation, simulation.snapshot());
-  const auto start = WallClock::now();
-  while (!simulation.finished() && stop_requested == 0) {
+  double compute_s = 0.0;
+  while (!simulation.finished() && stop_requested == 0 && !(watch_stdin && stdinIsClosed())) {
     const auto before = WallClock::now();
     const StepReport report = simulation.advance(simulation.samplePeriod());
-    timing.compute_s += secondsSince(before);
+    compute_s += secondsSince(before);
     const Snapshot snapshot = simulation.snapshot();
-    writer.write(snapshot, report.flags);
-    if (vtk) vtk->writeIfDue(simulation, snapshot);
+    files.write(simulation, snapshot, report.flags);
     progress.show(snapshot);
   }
-  timing.wall_s = secondsSince(start);
   progress.end();
-
   const bool interrupted = !simulation.finished();
-  const RunSummary summary = writer.finish(simulation, timing, interrupted);
-  std::printf("%s\n%s\n%s\n%s\n", describe(summary).c_str(), writer.scenarioPath().c_str(), writer.forcePath().c_str(),
-              writer.summaryPath().c_str());
-  if (vtk) std::printf("%s\n", vtk->collectionPath().c_str());
+  files.finish(simulation, compute_s, interrupted);
   return interrupted || simulation.frozen() ? kExitRunFailed : kExitDone;
+}
+
+int study(StudyOptions options) {
+  handleStopSignals();
+  options.stop = [] { return stop_requested != 0; };
+  return runStudy(options) ? kExitDone : kExitRunFailed;
+}
+
+/// @throws ConfigError
+void checkFile(const std::string& file) {
+  if (isStudyFile(file)) {
+    readStudy(file);
+    return;
+  }
+  ScenarioSources sources;
+  sources.file = file;
+  loadScenario(sources);
 }
 
 int check(const std::vector<std::string>& files) {
   int code = kExitDone;
   for (const std::string& file : files) {
     try {
-      ScenarioSources sources;
-      sources.file = file;
-      loadScenario(sources);
+      checkFile(file);
       std::printf("%s: ok\n", file.c_str());
     } catch (const ConfigError& error) {
       std::fprintf(stderr, "%s\n", error.what());
@@ -152,7 +158,7 @@ int check(const std::vector<std::string>& files) {
 }
 
 int runProgram(int argc, char** argv) {
-  CLI::App app("Brash-ice pull-up rig: simulates the test that a scenario describes.", "brash_ice");
+  CLI::App app("Brash-ice pull-up rig: simulates the test that a scenario describes, or a study of many.", "brash_ice");
   app.require_subcommand(1);
   app.add_flag_callback(
       "--version",
@@ -178,10 +184,30 @@ int runProgram(int argc, char** argv) {
   run_command->add_option("--threads", threads, "The same as --set solver.threads=N")->type_name("N");
   run_command->add_option("--vtk", vtk_interval_s, "The same as --set output.vtk_interval_s=SECONDS")
       ->type_name("SECONDS");
+  bool watch_stdin = false;
+  run_command->add_flag("--stop-when-stdin-closes", watch_stdin,
+                        "Stop when standard input, a pipe, is closed: whoever started the run has ended");
+
+  StudyOptions study_options;
+  CLI::App* study_command = app.add_subcommand(
+      "study", "Make the many runs of a study, or those that are missing; leave results.csv and report.html");
+  study_command->add_option("study", study_options.file, "Study YAML")->required()->type_name("STUDY");
+  study_command
+      ->add_option("--out", study_options.directory, "Directory for the results (default: name of the study + _study)")
+      ->type_name("DIR");
+  study_command
+      ->add_option("--jobs", study_options.children,
+                   "Runs at a time (default: as many as the cores carry; under mpirun one per process)")
+      ->check(CLI::Range(1, 1024))
+      ->type_name("N");
+  study_command->add_flag("!--no-report", study_options.report, "Leave out report.html");
+  study_command->add_flag("--repeat-failed", study_options.repeat_failed,
+                          "Repeat the runs that ended with a non-finite state, too");
 
   std::vector<std::string> files;
-  CLI::App* check_command = app.add_subcommand("check", "Validate scenarios and overlays without running them");
-  check_command->add_option("files", files, "Scenario or overlay YAML")->required()->type_name("FILE");
+  CLI::App* check_command =
+      app.add_subcommand("check", "Validate scenarios, overlays and studies without running them");
+  check_command->add_option("files", files, "Scenario, overlay or study YAML")->required()->type_name("FILE");
 
   try {
     app.parse(argc, argv);
@@ -189,11 +215,16 @@ int runProgram(int argc, char** argv) {
     return app.exit(error) == 0 ? kExitDone : kExitBadInput;
   }
   if (check_command->parsed()) return check(files);
+  const auto nameOf = [](const std::string& file) { return std::filesystem::path(file).stem().string(); };
+  if (study_command->parsed()) {
+    if (study_options.directory.empty()) study_options.directory = nameOf(study_options.file) + "_study";
+    return study(study_options);
+  }
 
   if (!threads.empty()) sources.settings.push_back("solver.threads=" + threads);
   if (!vtk_interval_s.empty()) sources.settings.push_back("output.vtk_interval_s=" + vtk_interval_s);
-  if (directory.empty()) directory = std::filesystem::path(sources.file).stem().string() + "_run";
-  return run(sources, directory);
+  if (directory.empty()) directory = nameOf(sources.file) + "_run";
+  return run(sources, directory, watch_stdin);
 }
 
 /// A file that is opened while a standard stream is closed takes its place, and progress lines end up in force.csv.

@@ -8,8 +8,8 @@
 #include <string>
 
 #include "brash_ice_rig/config/config_error.h"
+#include "brash_ice_rig/config/number_check.h"
 #include "brash_ice_rig/sph/kernel.h"
-#include "number_check.h"
 
 namespace brash_ice_rig {
 namespace {

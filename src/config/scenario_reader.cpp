@@ -1,30 +1,21 @@
 #include "brash_ice_rig/config/scenario_reader.h"
 
-#include <yaml-cpp/eventhandler.h>
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
-#include <cctype>
-#include <cerrno>
-#include <cmath>
-#include <cstring>
-#include <filesystem>
-#include <fstream>
 #include <functional>
 #include <initializer_list>
-#include <iterator>
 #include <limits>
-#include <locale>
 #include <map>
-#include <numeric>
 #include <optional>
-#include <sstream>
 #include <type_traits>
 #include <utility>
 #include <vector>
 
+#include "brash_ice_rig/config/edit_distance.h"
+#include "brash_ice_rig/config/number_check.h"
+#include "brash_ice_rig/config/yaml_document.h"
 #include "brash_ice_rig/version.h"
-#include "number_check.h"
 
 namespace brash_ice_rig {
 namespace {
@@ -63,34 +54,16 @@ struct Entry {
 
 // ---- from text to values
 
-std::string lowerCase(std::string text) {
-  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return text;
-}
-
-/// YAML's and C's spellings of what is no finite number.
-bool isNonFiniteWord(const std::string& text) {
-  const std::string word = lowerCase(text.substr(std::min(text.find_first_not_of("+-."), text.size())));
-  return word == "nan" || word == "inf" || word == "infinity";
-}
-
 double parseNumber(const Entry& entry) {
   entry.requireScalar("must be a number");
-  std::istringstream in(entry.text);
-  in.imbue(std::locale::classic());
-  double value = 0.0;
-  in >> std::noskipws >> value;
-  const bool overflow = in.fail() && std::abs(value) == std::numeric_limits<double>::max();
-  if (overflow || isNonFiniteWord(entry.text)) entry.refuse("must be a finite number");
-  if (in.fail() || in.peek() != std::istringstream::traits_type::eof()) entry.refuse("must be a number");
-  return value;
+  return numberFromText(entry.key, entry.text, entry.where);
 }
 
 template <class Number>
 Number parseNumber(const Entry& entry, const Range& range) {
   const double value = parseNumber(entry);
   if constexpr (std::is_integral_v<Number>) {
-    if (entry.text.find_first_not_of("+-0123456789") != std::string::npos) entry.refuse("must be a whole number");
+    checkWholeNumber(entry.key, entry.text, entry.where);
     checkRange(entry.key, value, entry.text, range, entry.where);
     return static_cast<Number>(std::stoll(entry.text));
   } else {
@@ -224,22 +197,6 @@ class KeyTable {
 
 // ---- unknown keys
 
-/// Fewest insertions, deletions and replacements of one letter that turn one word into the other.
-int editDistance(const std::string& from, const std::string& to) {
-  std::vector<int> row(to.size() + 1);
-  std::iota(row.begin(), row.end(), 0);
-  for (std::size_t i = 0; i < from.size(); ++i) {
-    int diagonal = row[0];
-    row[0] = static_cast<int>(i) + 1;
-    for (std::size_t j = 0; j < to.size(); ++j) {
-      const int replaced = diagonal + (from[i] == to[j] ? 0 : 1);
-      diagonal = row[j + 1];
-      row[j + 1] = std::min({replaced, row[j] + 1, diagonal + 1});
-    }
-  }
-  return row.back();
-}
-
 /// Nearest known key or section. The right name in a wrong section, or without one, counts as two wrong letters;
 /// letters that are wrong in it count twice, because short names all resemble each other.
 std::string nearestName(const KeyTable& table, const std::string& unknown) {
@@ -293,48 +250,9 @@ void flatten(const YAML::Node& map, const std::string& prefix, const std::string
   }
 }
 
-/// Runs the parser over a document without keeping anything of it.
-class IgnoreEvents : public YAML::EventHandler {
- public:
-  void OnDocumentStart(const YAML::Mark&) override {}
-  void OnDocumentEnd() override {}
-  void OnNull(const YAML::Mark&, YAML::anchor_t) override {}
-  void OnAlias(const YAML::Mark&, YAML::anchor_t) override {}
-  void OnScalar(const YAML::Mark&, const std::string&, YAML::anchor_t, const std::string&) override {}
-  void OnSequenceStart(const YAML::Mark&, const std::string&, YAML::anchor_t, YAML::EmitterStyle::value) override {}
-  void OnSequenceEnd() override {}
-  void OnMapStart(const YAML::Mark&, const std::string&, YAML::anchor_t, YAML::EmitterStyle::value) override {}
-  void OnMapEnd() override {}
-};
-
 std::vector<Entry> readFile(const std::string& path) {
-  std::error_code ignored;
-  if (std::filesystem::is_directory(path, ignored)) throw ConfigError("", "", "is a directory, not a file", path);
-  std::ifstream in(path, std::ios::binary);
-  if (!in) throw ConfigError("", "", std::string("file cannot be read: ") + std::strerror(errno), path);
-  const std::string text((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
-
-  YAML::Node root;
-  bool has_root = false;
-  bool has_more = false;
-  try {
-    // Not LoadAll(): up to yaml-cpp 0.7 it finds documents without end in a text such as ",a".
-    std::istringstream stream(text);
-    YAML::Parser parser(stream);
-    IgnoreEvents ignore;
-    has_root = parser.HandleNextDocument(ignore);
-    has_more = has_root && parser.HandleNextDocument(ignore);
-    root = YAML::Load(text);
-  } catch (const YAML::Exception& error) {
-    throw ConfigError("", "", "not valid YAML: " + error.msg, path + ":" + std::to_string(error.mark.line + 1));
-  }
-  if (!has_root) throw ConfigError("", "", "file is empty", path);
-  if (!root.IsMap()) {
-    throw ConfigError("", "", "must be a map of sections, such as `field:` with indented `spacing_m: 0.3`", path);
-  }
-  if (has_more) throw ConfigError("", "", "must hold a single YAML document", path);
   std::vector<Entry> entries;
-  flatten(root, "", path, entries);
+  flatten(readYamlMap(path, "sections, such as `field:` with indented `spacing_m: 0.3`"), "", path, entries);
   return entries;
 }
 
@@ -451,6 +369,17 @@ Scenario loadScenario(const ScenarioSources& sources) {
   for (const std::string& overlay : sources.overlays) composer.applyOverlay(overlay);
   composer.applySettings(sources.settings);
   return composer.finish(sources.file);
+}
+
+std::vector<std::pair<std::string, std::string>> keyValues(const Scenario& scenario) {
+  Scenario copy = scenario;  // visit() hands out references that can be written to
+  const KeyTable table(copy);
+  std::vector<std::pair<std::string, std::string>> values;
+  for (const Key& key : table.keys()) {
+    const std::string yaml = key.write();
+    values.emplace_back(key.fullName(), yaml.empty() ? "" : YAML::Load(yaml).Scalar());
+  }
+  return values;
 }
 
 std::string toYaml(const Scenario& scenario) {

@@ -5,6 +5,9 @@
 #include <cstdio>
 #include <filesystem>
 #include <limits>
+#include <optional>
+#include <string>
+#include <system_error>
 #include <thread>
 #include <utility>
 
@@ -12,6 +15,7 @@
 #include <std_msgs/String.h>
 
 #include "brash_ice_rig/node/topic_names.h"
+#include "brash_ice_rig/system/child_process.h"
 #include "brash_ice_rig/version.h"
 
 namespace brash_ice_rig {
@@ -36,6 +40,26 @@ bool isDue(std::uint64_t sample, double sample_period_s, double rate_hz) {
 
 double secondsBetween(std::chrono::steady_clock::time_point from, std::chrono::steady_clock::time_point to) {
   return std::chrono::duration<double>(to - from).count();
+}
+
+/// Draws the force-time plot of a finished run with the program plot_force that lies beside this one and that prints
+/// the picture's path on stdout. Takes seconds. A plot that fails is reported on stderr and does no harm.
+void plotRun(const std::string& directory) {
+  constexpr std::chrono::seconds kTimeout{60};
+  ChildSetup setup;
+  setup.program = programBesideThis("plot_force");
+  setup.arguments = {directory + "/force.csv"};
+  setup.own_group = true;  // a Ctrl-C for the node does not end the plot of what the node has left
+  std::string reason;
+  try {
+    ChildProcess plot(setup);
+    const std::optional<ChildEnd> end = plot.wait(kTimeout);
+    if (end && end->success()) return;
+    reason = setup.program + " " + setup.arguments[0] + ": " + (end ? end->text() : "not done within 60 s");
+  } catch (const std::system_error& error) {
+    reason = error.what();
+  }
+  std::fprintf(stderr, "no force plot: %s\n", reason.c_str());
 }
 
 }  // namespace

@@ -18,6 +18,13 @@ constexpr const char* kHeader =
     "plug_gravity_n,plug_buoyancy_n,plug_drag_n,plug_friction_n,"
     "force_x_n,force_y_n,hoist_command_mps\n";
 
+constexpr const char* kPlugHeader =
+    "time_s,lifted_mass_kg,raised_particles,radius_at_waterline_m,radius_at_top_m,hole_sites,hole_refill_ratio,"
+    "bulge_height_m,bulge_radius_m\n";
+
+/// Time between two rows of plug.csv, s.
+constexpr double kPlugIntervalS = 0.5;
+
 void append(std::string& row, std::initializer_list<double> values) {
   for (const double value : values) {
     if (!row.empty()) row += ',';
@@ -69,6 +76,7 @@ std::string prepare(const std::string& directory) {
 RunWriter::RunWriter(const Simulation& simulation, const std::string& directory)
     : directory_(prepare(directory)),
       force_file_(forcePath(), OutputFile::Mode::kDirect),
+      plug_file_(plugPath(), OutputFile::Mode::kDirect),
       reading_(simulation.samplePeriod()),
       ice_(simulation.samplePeriod()),
       sample_period_s_(simulation.samplePeriod()),
@@ -78,6 +86,8 @@ RunWriter::RunWriter(const Simulation& simulation, const std::string& directory)
   scenario_file.close();
   force_file_.write(kHeader);
   force_file_.flush();
+  plug_file_.write(kPlugHeader);
+  plug_file_.flush();
   if (simulation.scenario().output.energy) {
     energy_file_.emplace(energyPath(), OutputFile::Mode::kDirect);
     energy_file_->write(energyHeader());
@@ -103,8 +113,21 @@ void RunWriter::write(const Snapshot& snapshot, StatusFlags raised) {
   ice_.add(snapshot.time_s, snapshot.components.ice_normal_n + snapshot.components.ice_friction_n);
 }
 
+void RunWriter::writePlugIfDue(const Simulation& simulation, const Snapshot& snapshot) {
+  if (snapshot.time_s < plug_due_s_ - 0.5 * sample_period_s_) return;
+  plug_due_s_ = nextMultiple(kPlugIntervalS, snapshot.time_s + 0.5 * sample_period_s_);
+  const PlugSummary plug = simulation.plug();
+  std::string row;
+  append(row, {snapshot.time_s, plug.lifted_mass_kg, static_cast<double>(plug.raised_particles),
+               plug.radius_at_waterline_m, plug.radius_at_top_m, static_cast<double>(plug.hole_sites),
+               plug.hole_refill_ratio, plug.bulge_height_m, plug.bulge_radius_m});
+  plug_file_.write(row + '\n');
+  plug_file_.flush();
+}
+
 RunSummary RunWriter::finish(const Simulation& simulation, const RunTiming& timing, bool interrupted) {
   force_file_.close();
+  plug_file_.close();
   if (energy_file_) energy_file_->close();
   RunSummary summary;
   summary.peak_force_n = reading_.peak();

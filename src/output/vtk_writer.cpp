@@ -154,8 +154,9 @@ void VtkWriter::write(double time_s, const ParticleCloud& cloud, const Collector
 
 void VtkWriter::writeIfDue(const Simulation& simulation, const Snapshot& snapshot) {
   // Half a sample, so that round-off in the time does not shift an instant to the next sample.
-  if (snapshot.time_s < due_s_ - 0.5 * simulation.samplePeriod()) return;
-  due_s_ = (times_s_.empty() ? snapshot.time_s : due_s_) + simulation.scenario().output.vtk_interval_s;
+  const double half_sample_s = 0.5 * simulation.samplePeriod();
+  if (snapshot.time_s < due_s_ - half_sample_s) return;
+  due_s_ = nextMultiple(simulation.scenario().output.vtk_interval_s, snapshot.time_s + half_sample_s);
   write(snapshot.time_s, simulation.particles(), simulation.scenario().collector, snapshot.rig);
 }
 

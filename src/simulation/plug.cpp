@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace brash_ice_rig {
 namespace {
@@ -13,11 +14,30 @@ double discRadius(std::size_t count, double spacing_m) {
   return spacing_m * std::sqrt(static_cast<double>(count) / kPi);
 }
 
+/// Thickness of what counts as the top layer, in spacings.
+constexpr double kTopLayer = 0.8;
+
+/// Rise from which the surface counts as bulged, in spacings.
+constexpr double kBulged = 0.1;
+
+void measureBulge(const std::vector<Eigen::Vector3d>& site_m, const std::vector<Eigen::Vector3d>& position_m,
+                  double spacing_m, PlugSummary& plug) {
+  double top = -std::numeric_limits<double>::infinity();
+  for (const Eigen::Vector3d& site : site_m) top = std::max(top, site.z());
+  for (std::size_t i = 0; i < site_m.size(); ++i) {
+    if (site_m[i].z() <= top - kTopLayer * spacing_m) continue;
+    const double rise = position_m[i].z() - site_m[i].z();
+    plug.bulge_height_m = std::max(plug.bulge_height_m, rise);
+    if (rise > kBulged * spacing_m) plug.bulge_radius_m = std::max(plug.bulge_radius_m, site_m[i].head<2>().norm());
+  }
+}
+
 }  // namespace
 
 PlugSummary computePlug(const std::vector<Eigen::Vector3d>& site_m, const std::vector<Eigen::Vector3d>& position_m,
                         double spacing_m, double particle_mass_kg) {
   PlugSummary plug;
+  measureBulge(site_m, position_m, spacing_m, plug);
   std::vector<std::size_t> raised;
   for (std::size_t i = 0; i < position_m.size(); ++i) {
     if (isRaised(site_m[i], position_m[i], spacing_m)) raised.push_back(i);

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <locale>
+#include <map>
 #include <regex>
 #include <set>
 #include <sstream>
@@ -377,6 +378,28 @@ TEST(EffectiveScenario, NumbersAreNumbersForYaml11ReadersToo) {
     if (!value.IsDefined()) continue;  // optional and not set
     EXPECT_TRUE(std::regex_match(value.Scalar(), number)) << key.key << ": " << value.Scalar();
   }
+}
+
+// ---- values one by one
+
+TEST(KeyValues, ListEveryKeyOnceWithItsValueWithoutQuotes) {
+  Scenario scenario;
+  scenario.title = "With \"quotes\", and: more";
+  scenario.ice.cohesion_pa = 1.0 / 3.0;
+  scenario.ice.three_invariant = true;
+  scenario.ice.flow_rule = FlowRule::kNonAssociated;
+  std::set<std::string> names;
+  std::map<std::string, std::string> value_of;
+  for (const auto& [key, value] : keyValues(scenario)) {
+    EXPECT_TRUE(names.insert(key).second) << key;
+    value_of[key] = value;
+  }
+  EXPECT_EQ(names.size(), KeyLister(scenario).values.size());
+  EXPECT_EQ(value_of["title"], scenario.title);
+  EXPECT_EQ(std::stod(value_of["ice.cohesion_pa"]), 1.0 / 3.0);
+  EXPECT_EQ(value_of["ice.three_invariant"], "true");
+  EXPECT_EQ(value_of["ice.flow_rule"], "non_associated");
+  EXPECT_EQ(value_of["ice.shear_constant_pa"], "") << "not set";
 }
 
 }  // namespace

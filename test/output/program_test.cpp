@@ -157,9 +157,10 @@ TEST_F(ProgramTest, CheckReportsEachBadFileAndGoesOn) {
 }
 
 TEST_F(ProgramTest, SmallRunLeavesItsFiles) {
-  const Outcome outcome = program("run small.yaml --out run --vtk 1");
+  const Outcome outcome = program("run small.yaml --out run --vtk 0.75");
   ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
-  for (const char* name : {"run/force.csv", "run/scenario.yaml", "run/summary.json", "run/vtk/run.pvd"}) {
+  for (const char* name :
+       {"run/force.csv", "run/plug.csv", "run/scenario.yaml", "run/summary.json", "run/vtk/run.pvd"}) {
     EXPECT_TRUE(contains(outcome.text, name)) << "path not printed: " << name;
     EXPECT_TRUE(std::filesystem::exists(directory_.file(name))) << name;
   }
@@ -177,9 +178,10 @@ TEST_F(ProgramTest, SmallRunLeavesItsFiles) {
   for (std::string line; std::getline(csv, line);) ++lines;
   EXPECT_NEAR(lines - 1, 250, 1);
 
-  // At -0.5, 0.5 and 1.5 s.
-  EXPECT_TRUE(std::filesystem::exists(directory_.file("run/vtk/ice_000002.vtp")));
-  EXPECT_FALSE(std::filesystem::exists(directory_.file("run/vtk/ice_000003.vtp")));
+  // At the start, -0.5 s, and then at multiples of the interval: 0, 0.75 and 1.5 s.
+  EXPECT_TRUE(std::filesystem::exists(directory_.file("run/vtk/ice_000003.vtp")));
+  EXPECT_FALSE(std::filesystem::exists(directory_.file("run/vtk/ice_000004.vtp")));
+  EXPECT_TRUE(contains(readFile(directory_.file("run/vtk/run.pvd")), "timestep=\"0.75\""));
   EXPECT_EQ(program("check run/scenario.yaml").exit_code, 0);
 }
 
@@ -231,6 +233,24 @@ TEST_F(ProgramTest, InterruptEndsTheRunCleanly) {
   EXPECT_EQ(WEXITSTATUS(status), 1);
   EXPECT_EQ(summaryIn("run")["status"].as<std::string>(), "interrupted");
   EXPECT_EQ(readFile(run + "/force.csv").back(), '\n');
+}
+
+TEST_F(ProgramTest, RunStopsWithItsStandardInputWhenAsked) {
+  const std::string endless =
+      "run small.yaml --set procedure.lift_duration_s=3600 --set procedure.lift_speed_mps=0.001 ";
+  // `true` closes the pipe at once.
+  const Outcome outcome = runShell("cd '" + directory_.path() + "' && true | '" BRASH_ICE_PROGRAM "' " + endless +
+                                   "--stop-when-stdin-closes --out run");
+  EXPECT_EQ(outcome.exit_code, 1) << outcome.text;
+  EXPECT_EQ(summaryIn("run")["status"].as<std::string>(), "interrupted");
+  // Not asked, or nothing that can be closed: the run goes to its end.
+  const auto status = [&](const std::string& arguments) {
+    runShell("cd '" + directory_.path() + "' && " + arguments);
+    return summaryIn("run")["status"].as<std::string>();
+  };
+  const std::string program = "'" BRASH_ICE_PROGRAM "' run small.yaml --out run ";
+  EXPECT_EQ(status("true | " + program), "ok");
+  EXPECT_EQ(status(program + "--stop-when-stdin-closes </dev/null"), "ok");
 }
 
 }  // namespace

@@ -203,5 +203,40 @@ TEST_F(RunWriterTest, FullDiskStopsTheRunAndLeavesNoSummary) {
   EXPECT_FALSE(std::filesystem::exists(directory_.file("summary.json")));
 }
 
+// ---- plug.csv
+
+TEST_F(RunWriterTest, PlugHasARowEachHalfSecondFromTimeZero) {
+  // Samples every 0.5 s would not tell; 8 Hz do.
+  Scenario scenario = smallScenario();
+  scenario.load_cell.rate_hz = 8.0;
+  scenario.procedure.settle_duration_s = 0.5;
+  Simulation simulation(scenario);
+  RunWriter writer(simulation, directory_.path());
+  while (simulation.snapshot().time_s < 1.3) {
+    simulation.advance(simulation.samplePeriod());
+    writer.writePlugIfDue(simulation, simulation.snapshot());
+  }
+  const PlugSummary plug = simulation.plug();
+  ASSERT_GT(plug.bulge_height_m, 0.0);
+  writer.writePlugIfDue(simulation, sampleAt(7.1, Stage::kLift, 0.0, 0.0));  // after a pause: late, but there
+  writer.finish(simulation, RunTiming(), false);
+
+  const std::vector<std::string> lines = split(readFile(writer.plugPath()), '\n');
+  EXPECT_EQ(lines[0],
+            "time_s,lifted_mass_kg,raised_particles,radius_at_waterline_m,radius_at_top_m,hole_sites,hole_refill_ratio,"
+            "bulge_height_m,bulge_radius_m");
+  ASSERT_EQ(lines.size(), 5u);
+  EXPECT_NEAR(std::stod(lines[1]), 0.0, 1e-12);
+  EXPECT_NEAR(std::stod(lines[2]), 0.5, 1e-12);
+  EXPECT_NEAR(std::stod(lines[3]), 1.0, 1e-12);
+  const std::vector<std::string> cells = split(lines[4], ',');
+  ASSERT_EQ(cells.size(), 9u);
+  EXPECT_EQ(std::stod(cells[0]), 7.1);
+  EXPECT_EQ(std::stod(cells[1]), plug.lifted_mass_kg);
+  EXPECT_EQ(std::stoul(cells[2]), plug.raised_particles);
+  EXPECT_EQ(std::stod(cells[7]), plug.bulge_height_m);
+  EXPECT_EQ(std::stod(cells[8]), plug.bulge_radius_m);
+}
+
 }  // namespace
 }  // namespace brash_ice_rig

@@ -60,5 +60,57 @@ TEST(Plug, HoleIsRefilledByNeighboursNotByThePlugItself) {
   EXPECT_DOUBLE_EQ(computePlug(original, moved, kSpacing, kMass).hole_refill_ratio, 0.5);
 }
 
+TEST(Plug, BulgeIsTheRiseOfTheTopLayerOnly) {
+  const auto original = sites();
+  auto moved = original;
+  for (std::size_t i = 0; i < moved.size(); ++i) {
+    const bool top = original[i].z() == 0.0;
+    const double distance = original[i].head<2>().norm();
+    if (!top) moved[i].z() += 0.25;                  // the layer below rises farther, and everywhere
+    if (top && distance < 0.7) moved[i].z() += 0.2;  // less than a spacing: nothing is raised yet
+    if (top && distance > 1.2) moved[i].z() -= 0.1;
+  }
+  const PlugSummary plug = computePlug(original, moved, kSpacing, kMass);
+  EXPECT_EQ(plug.raised_particles, 0u);
+  EXPECT_DOUBLE_EQ(plug.bulge_height_m, 0.2);
+  EXPECT_DOUBLE_EQ(plug.bulge_radius_m, std::hypot(0.6, 0.3));  // the farthest of the lattice within 0.7 m
+}
+
+TEST(Plug, BulgeReachesToWhereTheSurfaceHasRisenByATenthOfTheSpacing) {
+  const auto original = sites();
+  auto moved = original;
+  // A cone: at its foot the rise is nothing.
+  for (std::size_t i = 0; i < moved.size(); ++i) {
+    moved[i].z() += std::max(0.0, 0.1 - 0.1 * original[i].head<2>().norm());
+  }
+  const PlugSummary plug = computePlug(original, moved, kSpacing, kMass);
+  EXPECT_DOUBLE_EQ(plug.bulge_height_m, 0.1);
+  // 0.03 m is reached at 0.7 m; the columns beside it stand at 0.671 and 0.849 m.
+  EXPECT_DOUBLE_EQ(plug.bulge_radius_m, std::hypot(0.6, 0.3));
+}
+
+TEST(Plug, SunkenSurfaceHasNoBulge) {
+  auto moved = sites();
+  for (auto& p : moved) p.z() -= 0.1;
+  const PlugSummary plug = computePlug(sites(), moved, kSpacing, kMass);
+  EXPECT_EQ(plug.bulge_height_m, 0.0);
+  EXPECT_EQ(plug.bulge_radius_m, 0.0);
+}
+
+TEST(Plug, TopLayerIsWholeUnderTheLargestJitter) {
+  // The highest site 0.3 spacings over its place in the lattice, the others of the top layer 0.3 below theirs, those of
+  // the layer below 0.3 over theirs.
+  auto original = sites();
+  for (auto& p : original) {
+    const bool highest = p == Eigen::Vector3d::Zero();
+    p.z() += (p.z() == 0.0 && !highest ? -0.3 : 0.3) * kSpacing;
+  }
+  auto moved = original;
+  for (auto& p : moved) p.z() += p.z() > -0.5 * kSpacing ? 0.05 : 0.09;
+  const PlugSummary plug = computePlug(original, moved, kSpacing, kMass);
+  EXPECT_NEAR(plug.bulge_height_m, 0.05, 1e-12) << "0.09: the layer below was taken for the surface";
+  EXPECT_NEAR(plug.bulge_radius_m, std::hypot(1.2, 1.2), 1e-12) << "part of the surface was left out";
+}
+
 }  // namespace
 }  // namespace brash_ice_rig

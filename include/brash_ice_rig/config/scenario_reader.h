@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "brash_ice_rig/config/config_error.h"
@@ -22,5 +23,9 @@ Scenario loadScenario(const ScenarioSources& sources);
 
 /// The whole scenario as YAML, every key with its value; loadScenario reads it back to an equal scenario.
 std::string toYaml(const Scenario& scenario);
+
+/// Every key, as `section.key`, with its value as in toYaml() but without quotes; empty: not set. In the order of
+/// visit(), the same for all scenarios.
+std::vector<std::pair<std::string, std::string>> keyValues(const Scenario& scenario);
 
 }  // namespace brash_ice_rig

@@ -24,7 +24,7 @@
 #include "brash_ice_rig/node/message_conversion.h"
 #include "brash_ice_rig/node/node_options.h"
 #include "brash_ice_rig/node/real_time_pacer.h"
-#include "brash_ice_rig/node/run_files.h"
+#include "brash_ice_rig/output/run_files.h"
 #include "brash_ice_rig/output/run_summary.h"
 #include "brash_ice_rig/simulation/simulation.h"
 

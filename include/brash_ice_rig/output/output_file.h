@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <fstream>
 #include <stdexcept>
 #include <string>
@@ -22,6 +23,11 @@ void makeDirectory(const std::string& path);
 
 /// The shortest decimal text that reads back to the same bits, whatever the locale: "nan", "inf" and "-inf" too.
 std::string toText(double value);
+
+/// The first multiple of an interval after a time: when what is written at fixed intervals is due next.
+inline double nextMultiple(double interval, double time) {
+  return interval * (std::floor(time / interval) + 1.0);
+}
 
 /// A text file that reports every failure, also those that show only when buffers reach the disk.
 class OutputFile {

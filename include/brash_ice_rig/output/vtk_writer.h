@@ -25,7 +25,8 @@ class VtkWriter {
   /// @throws OutputError
   void write(double time_s, const ParticleCloud& cloud, const CollectorConfig& collector, const RigState& rig);
 
-  /// write() at the first call and then every output.vtk_interval_s of simulated time. @throws OutputError
+  /// write() at the first call and then at every multiple of output.vtk_interval_s, counted from time 0 as the test's
+  /// time is. @throws OutputError
   void writeIfDue(const Simulation& simulation, const Snapshot& snapshot);
 
   std::string collectionPath() const { return directory_ + "/run.pvd"; }

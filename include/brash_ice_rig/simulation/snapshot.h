@@ -46,7 +46,7 @@ struct RigState {
   bool locked = true;
 };
 
-/// The ice that the collector has raised by more than one spacing.
+/// The ice that the collector has raised by more than one spacing, and the bulge of the surface above it.
 struct PlugSummary {
   double lifted_mass_kg = 0.0;
   std::size_t raised_particles = 0;
@@ -54,6 +54,9 @@ struct PlugSummary {
   double radius_at_top_m = 0.0;        ///< the same for the layer below the highest raised particle
   std::size_t hole_sites = 0;          ///< original sites of the raised particles
   double hole_refill_ratio = 0.0;      ///< share of hole sites into which neighbours have moved, 0..1
+  double bulge_height_m = 0.0;         ///< largest rise of a particle of the top layer over its original site, >= 0
+  double bulge_radius_m = 0.0;         ///< farthest original distance from the axis of a particle of the top layer
+                                       ///< that has risen by more than a tenth of the spacing; 0: none has
 };
 
 /// State at one instant. Cheap to copy; particles are fetched apart.

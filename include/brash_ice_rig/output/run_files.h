@@ -10,14 +10,16 @@
 
 namespace brash_ice_rig {
 
-/// The files of one run from start or reset to its end: those of RunWriter, VTK snapshots if the scenario asks for
-/// them, and a force-time plot.
+/// The files of one run from start or reset to its end: those of RunWriter, and VTK snapshots if the scenario asks for
+/// them.
 class RunFiles {
  public:
-  /// @throws OutputError
+  /// Before the first advance(): the first VTK snapshot is that of the start. @throws OutputError
   RunFiles(const Simulation& simulation, const std::string& directory);
 
-  /// After each load-cell sample. @throws OutputError
+  /// After each load-cell sample.
+  /// @param raised  flags of the StepReport since the last call
+  /// @throws OutputError
   void write(const Simulation& simulation, const Snapshot& snapshot, StatusFlags raised);
 
   /// Writes the summary and prints it on stdout with the paths of the files.
@@ -32,9 +34,5 @@ class RunFiles {
   std::optional<VtkWriter> vtk_;
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
-
-/// Draws the force-time plot of a finished run with the program plot_force that lies beside this one and that prints
-/// the picture's path on stdout. Takes seconds. A plot that fails is reported on stderr and does no harm.
-void plotRun(const std::string& directory);
 
 }  // namespace brash_ice_rig

@@ -1,0 +1,253 @@
+#include "brash_ice_rig/study/study.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <stdexcept>
+#include <system_error>
+#include <vector>
+
+#include <fcntl.h>
+#include <sched.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include "brash_ice_rig/output/output_file.h"
+#include "brash_ice_rig/output/progress_line.h"
+#include "brash_ice_rig/study/results.h"
+#include "brash_ice_rig/study/run_pool.h"
+#include "brash_ice_rig/study/study_file.h"
+#include "brash_ice_rig/system/child_process.h"
+
+namespace brash_ice_rig {
+namespace {
+
+using WallClock = std::chrono::steady_clock;
+
+/// Keeps a second study out of the directory. The system lets go of it when this process and its children have ended.
+class DirectoryLock {
+ public:
+  explicit DirectoryLock(const std::string& directory) {
+    const std::string path = directory + "/.lock";
+    // Children keep it open: while one of a study that was killed still runs, the directory is not free.
+    number_ = open(path.c_str(), O_RDWR | O_CREAT, 0666);
+    if (number_ < 0) throw OutputError(path, std::generic_category().message(errno));
+    // Other errors: a file system without locks, on which users must take care themselves.
+    if (flock(number_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
+    close(number_);
+    throw std::runtime_error(directory + ": another study is at work there; wait for it, or give another --out");
+  }
+  ~DirectoryLock() { close(number_); }
+  DirectoryLock(const DirectoryLock&) = delete;
+  DirectoryLock& operator=(const DirectoryLock&) = delete;
+
+ private:
+  int number_;
+};
+
+std::string minutes(double seconds) {
+  char text[32];
+  const long whole = std::lround(seconds);
+  std::snprintf(text, sizeof text, "%ld:%02ld", whole / 60, whole % 60);
+  return text;
+}
+
+/// Tells how far the study is: a line that is kept up to date on a terminal, else one line per finished run.
+class StudyProgress {
+ public:
+  StudyProgress(const Study& study, const std::vector<RunStatus>& statuses, int at_a_time)
+      : study_(study), statuses_(statuses), at_a_time_(at_a_time), started_(statuses.size()) {}
+
+  /// What there is to do, before the first run.
+  void announce() {
+    std::map<std::string, std::size_t> reasons;
+    std::size_t waiting = 0;
+    for (const RunStatus& status : statuses_) {
+      if (status.state != RunState::kWaiting) continue;
+      ++waiting;
+      if (!status.note.empty()) ++reasons[status.note];
+    }
+    std::string text = std::to_string(statuses_.size()) + " runs, " + std::to_string(statuses_.size() - waiting) +
+                       " of them made before, " + std::to_string(at_a_time_) + " at a time";
+    line_.print(text);
+    for (const auto& [reason, count] : reasons) {
+      line_.print("  " + std::to_string(count) + (count == 1 ? " is" : " are") + " made again: " + reason);
+    }
+  }
+
+  void changed(std::size_t run) {
+    if (statuses_[run].state == RunState::kRunning) {
+      started_[run] = WallClock::now();
+      return;
+    }
+    const double wall_s = std::chrono::duration<double>(WallClock::now() - started_[run]).count();
+    ++made_;
+    made_wall_s_ += wall_s;
+    const bool failed = statuses_[run].state == RunState::kFailed;
+    if (line_.onTerminal() && !failed) return;
+    line_.print(std::to_string(finished()) + "/" + std::to_string(statuses_.size()) + "  " + nameOf(run) + " " +
+                (failed ? "failed: " + statuses_[run].note : "done in " + minutes(wall_s)));
+  }
+
+  void tick() {
+    const auto now = WallClock::now();
+    if (!line_.onTerminal() || now - shown_ < std::chrono::milliseconds(200)) return;
+    shown_ = now;
+    const double done = static_cast<double>(finished()) / static_cast<double>(statuses_.size());
+    std::string text = std::to_string(finished()) + "/" + std::to_string(statuses_.size()) + " " +
+                       progressBar(done, secondsLeft(now)) + "   running:";
+    for (std::size_t run = 0; run < statuses_.size(); ++run) {
+      if (statuses_[run].state == RunState::kRunning) text += " " + nameOf(run);
+    }
+    line_.show(text);
+  }
+
+  void end() { line_.end(); }
+
+  std::size_t finished() const {
+    return static_cast<std::size_t>(std::count_if(statuses_.begin(), statuses_.end(), [](const RunStatus& status) {
+      return status.state == RunState::kDone || status.state == RunState::kFailed;
+    }));
+  }
+
+ private:
+  std::string nameOf(std::size_t run) const {
+    return study_.cases[study_.runs[run].case_index].name + "/" + std::to_string(study_.runs[run].seed);
+  }
+
+  /// From the mean of the runs made so far; < 0 as long as there is none.
+  double secondsLeft(WallClock::time_point now) const {
+    if (made_ == 0) return -1.0;
+    const double mean_s = made_wall_s_ / static_cast<double>(made_);
+    double work_s = 0.0;
+    for (std::size_t run = 0; run < statuses_.size(); ++run) {
+      if (statuses_[run].state == RunState::kWaiting) work_s += mean_s;
+      if (statuses_[run].state != RunState::kRunning) continue;
+      work_s += std::max(0.0, mean_s - std::chrono::duration<double>(now - started_[run]).count());
+    }
+    return work_s / at_a_time_;
+  }
+
+  const Study& study_;
+  const std::vector<RunStatus>& statuses_;
+  int at_a_time_;
+  std::vector<WallClock::time_point> started_;
+  std::size_t made_ = 0;
+  double made_wall_s_ = 0.0;
+  WallClock::time_point shown_;
+  ProgressLine line_;
+};
+
+/// Cores that this process may use.
+int coreCount() {
+  cpu_set_t set;
+  CPU_ZERO(&set);
+  return sched_getaffinity(0, sizeof set, &set) == 0 ? std::max(1, CPU_COUNT(&set)) : 1;
+}
+
+int mostThreads(const Study& study) {
+  int most = 1;
+  for (const StudyRun& run : study.runs) most = std::max(most, run.scenario.solver.threads);
+  return most;
+}
+
+int defaultChildren(const Study& study) {
+  return std::max(1, coreCount() / mostThreads(study));
+}
+
+void writeFile(const std::string& path, const std::string& text) {
+  OutputFile file(path, OutputFile::Mode::kReplace);
+  file.write(text);
+  file.close();
+}
+
+void removeFile(const std::string& path) {
+  std::error_code error;
+  std::filesystem::remove(path, error);
+  if (error) throw OutputError(path, error.message());
+}
+
+/// Has the program study_report, which lies beside this one, make report.html. Without it, results.csv stands.
+void makeReport(const std::string& directory, const std::function<bool()>& stop) {
+  constexpr std::chrono::minutes kTimeout{15};
+  ChildSetup setup;
+  setup.program = programBesideThis("study_report");
+  setup.arguments = {directory};
+  std::string reason;
+  try {
+    ChildProcess report(setup);
+    const std::optional<ChildEnd> end = report.wait(kTimeout, stop);
+    if (end && end->success()) return;
+    reason = setup.program + " " + directory + ": " + (end ? end->text() : "stopped before its end");
+  } catch (const std::system_error& error) {
+    reason = error.what();
+  }
+  std::fprintf(stderr, "no report: %s; the figures are in results.csv\n", reason.c_str());
+}
+
+/// The part of rank 0.
+bool lead(const StudyOptions& options, RunPoolOptions& pool, MessagePassing& messages) {
+  const Study study = readStudy(options.file);
+  const std::string directory = std::filesystem::absolute(options.directory).lexically_normal().string();
+  makeDirectory(directory);
+  const DirectoryLock lock(directory);
+  // They belong to the study as it was; without them, nobody takes them for those of this one.
+  for (const char* name : {"/results.csv", "/report.html"}) removeFile(directory + name);
+  writeFile(directory + "/study.yaml", toYaml(study));
+
+  std::vector<RunJob> jobs;
+  for (const StudyRun& run : study.runs) jobs.push_back({directory + "/" + runDirectory(study, run), run.scenario});
+  if (pool.children == 0) pool.children = messages.size() > 1 ? 1 : defaultChildren(study);
+  if (messages.size() > 1 && pool.children * mostThreads(study) > coreCount()) {
+    std::fprintf(stderr, "each process of MPI is bound to %d core(s), too few for its runs: mpirun --bind-to none\n",
+                 coreCount());
+  }
+  std::vector<RunStatus> statuses = findEarlierRuns(jobs, pool.program, options.repeat_failed);
+  StudyProgress progress(study, statuses, pool.children * messages.size());
+  progress.announce();
+  pool.changed = [&progress](std::size_t run) { progress.changed(run); };
+  pool.tick = [&progress] { progress.tick(); };
+  makeRuns(jobs, pool, messages, statuses);
+  progress.end();
+  // The other processes need not wait for the report.
+  messages.finish();
+
+  if (progress.finished() < jobs.size()) {
+    std::fprintf(stderr, "interrupted: %zu of %zu runs are made; the same command makes the rest\n",
+                 progress.finished(), jobs.size());
+    return false;
+  }
+  writeFile(directory + "/results.csv", resultsCsv(study, directory, statuses));
+  std::printf("%s/study.yaml\n%s/results.csv\n", directory.c_str(), directory.c_str());
+  std::fflush(stdout);
+  bool all_done = true;
+  for (std::size_t i = 0; i < jobs.size(); ++i) {
+    if (statuses[i].state != RunState::kFailed) continue;
+    all_done = false;
+    std::fprintf(stderr, "failed%s: %s: %s\n", statuses[i].earlier ? " before (--repeat-failed runs it again)" : "",
+                 jobs[i].directory.c_str(), statuses[i].note.c_str());
+  }
+  if (options.report) makeReport(directory, options.stop);
+  return all_done;
+}
+
+}  // namespace
+
+bool runStudy(const StudyOptions& options) {
+  MessagePassing messages;
+  RunPoolOptions pool;
+  pool.children = options.children;
+  pool.stop = options.stop;
+  if (messages.rank() == 0) return lead(options, pool, messages);
+  pool.children = std::max(1, options.children);
+  serveRuns(pool, messages);
+  return true;
+}
+
+}  // namespace brash_ice_rig

@@ -1,6 +1,7 @@
 """Draws the figures of a study's report: line plots as SVG, pictures of particles as PNG."""
 
 import base64
+import html
 import io
 import math
 import re
@@ -17,9 +18,9 @@ from matplotlib.patches import Patch  # noqa: E402
 
 from study_data import Missing, moving_mean  # noqa: E402
 
-# Told apart by lightness alone (greyscale print) and by hue with the common kinds of colour blindness; after these the
-# line styles change, so that pairs of colour and line style repeat after 20 cases only.
-COLOURS = ["#14213d", "#d1495b", "#2a9d8f", "#7b2d8b", "#e9b44c"]
+# Told apart by lightness alone, so in greyscale print and with colour blindness too. With the line styles they make 20
+# pairs before any repeats.
+COLOURS = ["#14213d", "#c8374f", "#2ba395", "#6a2380", "#e3b23c"]
 LINE_STYLES = ["-", (0, (6, 2)), (0, (2, 1.5)), (0, (7, 2, 1.5, 2))]
 WATER_COLOUR = "#2f7fb8"
 WATER_FILL = "#e8f2f9"
@@ -37,6 +38,9 @@ STYLE = {
 }
 # Samples are drawn as means over this: 100 a second would make the page heavy and show no more.
 DRAWN_INTERVAL_S = 0.1
+# The refilled share of a hole of fewer sites says little, and is not drawn.
+MIN_HOLE_SITES = 10
+WIDTH_IN = 12.0
 PLUG_PANELS = [
     ("raised_particles", "raised particles", 1.0),
     ("bulge_height_m", "largest rise of the top layer (m)", 1.0),
@@ -63,9 +67,17 @@ def draw(study, figure, number):
 
 
 def case_style(study, name):
-    """Colour and line style of a case, the same in all figures."""
-    index = [case.name for case in study.cases].index(name)
-    return {"color": COLOURS[index % len(COLOURS)], "linestyle": LINE_STYLES[index // len(COLOURS) % len(LINE_STYLES)]}
+    """Colour and line style of a case: the same in all figures, and another colour than its neighbours in each."""
+    colours, styles = {}, {}
+    groups = [set(figure["cases"]) for figure in study.figures if len(figure.get("cases", [])) > 1]
+    for case in (case.name for case in study.cases):
+        # A small figure can have each case in a colour of its own; in a large one line styles have to help.
+        beside = set().union(*(group for group in groups if case in group and len(group) <= len(COLOURS)))
+        taken = [colours[other] for other in colours if other in beside]
+        used = list(colours.values())
+        colour = min(range(len(COLOURS)), key=lambda index: (taken.count(index), used.count(index), index))
+        colours[case], styles[case] = colour, used.count(colour) % len(LINE_STYLES)
+    return {"color": COLOURS[colours[name]], "linestyle": LINE_STYLES[styles[name]]}
 
 
 def case_label(study, name):
@@ -107,7 +119,7 @@ def draw_hardening(study, figure, name):
                 "cap_max_compaction"]
         values = [run.scenario_number(f"ice.{key}") for key in keys]
         curves.append((case, values, hardening_curve(*values)))
-    picture, (left, right) = plt.subplots(1, 2, figsize=(9.6, 4.0))
+    picture, (left, right) = plt.subplots(1, 2, figsize=(WIDTH_IN, 4.4))
     for case, values, (x_pa, strain) in curves:
         style = case_style(study, case)
         left.plot(strain, 1e-3 * x_pa, linewidth=1.8, label=case_label(study, case), **style)
@@ -134,8 +146,8 @@ def draw_hardening(study, figure, name):
 
 
 def draw_force(study, figure, name):
-    picture, axes = plt.subplots(figsize=(9.6, 4.8))
-    shown, several = [], False
+    picture, axes = plt.subplots(figsize=(WIDTH_IN, 5.2))
+    shown, several, end_s = [], False, 0.0
     for case in figure["cases"]:
         runs = study.runs_of(case)
         if not runs:
@@ -143,6 +155,7 @@ def draw_force(study, figure, name):
         shown.append(case)
         style = case_style(study, case)
         curves = [(run.force()["time_s"], 1e-3 * run.force()["force_n"]) for run in runs]
+        end_s = max(end_s, *(time_s[-1] for time_s, _ in curves))
         if len(curves) > 1:
             several = True
             for curve in curves:
@@ -153,10 +166,9 @@ def draw_force(study, figure, name):
         raise Missing("none of its cases has a run that did not fail")
     axes.set_xlabel("time after settling (s)")
     axes.set_ylabel("load cell, positive down (kN)")
-    axes.set_xlim(left=0.0)
-    if axes.get_ylim()[0] > -0.1 or axes.get_ylim()[0] < 0.0 <= min(line.get_ydata().min() for line in axes.lines):
+    axes.set_xlim(0.0, end_s)
+    if min(line.get_ydata().min() for line in axes.lines) > -0.1:
         axes.set_ylim(bottom=0.0)
-    axes.margins(x=0.01)
     legend_below(picture, axes)
     seeds = " Thin: one run of one seed each; thick: their mean." if several else ""
     return Drawing(to_svg(picture, name, "force against time"), "Force against time",
@@ -168,7 +180,7 @@ def draw_bars(study, figure, name):
     shown = [case for case in figure["cases"] if study.runs_of(case)]
     if not shown:
         raise Missing("none of its cases has a run that did not fail")
-    picture, axes = plt.subplots(figsize=(max(5.5, min(1.6 + 0.9 * len(shown), 16.0)), 4.4))
+    picture, axes = plt.subplots(figsize=(min(3.0 + 0.95 * len(shown), WIDTH_IN), 4.6))
     several = False
     for place, case in enumerate(shown):
         colour = case_style(study, case)["color"]
@@ -287,12 +299,12 @@ def draw_plug(study, figure, name):
     if not panels:
         raise Missing("plug.csv has none of its columns")
     rows = -(-len(panels) // 2)
-    picture, grid = plt.subplots(rows, 2, figsize=(9.6, 2.5 * rows + 0.5), squeeze=False, sharex=True)
+    picture, grid = plt.subplots(rows, 2, figsize=(WIDTH_IN, 2.7 * rows + 0.5), squeeze=False, sharex=True)
     several = False
     for axes, (column, label, scale) in zip(grid.flat, panels):
         for case in shown:
             style = case_style(study, case)
-            curves = [(run.plug()["time_s"], scale * run.plug()[column]) for run in study.runs_of(case)]
+            curves = [(run.plug()["time_s"], scale * plug_values(run.plug(), column)) for run in study.runs_of(case)]
             if len(curves) > 1:
                 several = True
                 for curve in curves:
@@ -306,7 +318,7 @@ def draw_plug(study, figure, name):
                               fontsize=8, color="#444444")
         axes.set_ylabel(label)
         axes.set_ylim(bottom=0.0)
-        axes.set_xlim(left=0.0)
+        axes.set_xlim(0.0, max(line.get_xdata()[-1] for line in axes.lines))
     for axes in list(grid.flat)[len(panels):]:
         axes.set_visible(False)
     for axes in grid[-1]:
@@ -318,7 +330,14 @@ def draw_plug(study, figure, name):
         to_svg(picture, name, "plug and hole against time"), "Plug and hole against time",
         "Raised: more than one spacing above the original site. Radii are those of a disc with the same section: at the "
         "waterline, and in the layer below the highest raised particle. A hole site counts as refilled when a particle "
-        f"that is not raised has moved into it.{seeds}{left_out(figure['cases'], shown)}")
+        f"that is not raised has moved into it; drawn from {MIN_HOLE_SITES} hole sites on.{seeds}{left_out(figure['cases'], shown)}")
+
+
+def plug_values(plug, column):
+    """A column of plug.csv, nan where it is not to be drawn."""
+    if column == "hole_refill_ratio" and "hole_sites" in plug:
+        return np.where(plug["hole_sites"] < MIN_HOLE_SITES, np.nan, plug[column])
+    return plug[column]
 
 
 def legend_below(picture, axes):
@@ -382,7 +401,7 @@ def to_png(picture, description):
     picture.savefig(stream, format="png", metadata={"Software": None})
     plt.close(picture)
     data = base64.b64encode(stream.getvalue()).decode("ascii")
-    return f'<img src="data:image/png;base64,{data}" alt="{description}">'
+    return f'<img src="data:image/png;base64,{data}" alt="{html.escape(description)}">'
 
 
 DRAWERS = {

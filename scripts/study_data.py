@@ -109,7 +109,9 @@ class Run:
         return self._once("force.csv", self._read_force)
 
     def plug(self):
-        """Columns of plug.csv as arrays."""
+        """Columns of plug.csv as arrays. Raises Missing where the run wrote none."""
+        if not os.path.exists(os.path.join(self.directory, "plug.csv")):
+            raise Missing(f"{self.name} has no plug.csv")
         return self._once("plug.csv", lambda path: read_table(path, ["time_s"]))
 
     def lift_start(self):

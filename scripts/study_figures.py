@@ -222,8 +222,7 @@ def draw_snapshots(study, figure, name):
     damaged = max(frame.damage.max() for frame in frames) > 0.0
     sections = []
     for frame in frames:
-        order = np.argsort(-frame.position_m[:, 1], kind="stable")  # the nearer ones last
-        kept = order[np.abs(frame.position_m[order, 1]) < spacing]
+        kept = section(frame.position_m, spacing)
         values = (frame.damage if damaged else frame.plastic_strain)[kept]
         sections.append((frame.position_m[kept], values))
     # A plastic strain has no upper bound; a few torn-off particles would take the whole scale.
@@ -273,6 +272,12 @@ def draw_snapshots(study, figure, name):
         to_png(picture, f"sections through the ice of {figure['case']}"), f"Section through the ice, {figure['case']}",
         f"{run.name}: particles within one spacing ({spacing:g} m) of the vertical plane y = 0, as discs of the "
         f"spacing's size, coloured by {quantity}; blue: still waterline; red: collector and pole.{nearest}")
+
+
+def section(position_m, spacing_m):
+    """Indices of the particles within one spacing of the plane y = 0, the nearest to the viewer (lowest y) last."""
+    order = np.argsort(-position_m[:, 1], kind="stable")
+    return order[np.abs(position_m[order, 1]) < spacing_m]
 
 
 def collector_lines(run, time_s):

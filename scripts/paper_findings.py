@@ -6,7 +6,6 @@ paper's measured curve: its text gives no numbers of it.
 """
 
 import csv
-import os
 from dataclasses import dataclass
 from typing import Callable, Optional
 
@@ -198,7 +197,10 @@ def find_peaks(values, drop):
 
 
 def two_peaks(run):
-    """The two highest peaks of the load cell's 1 s mean, in order of time, and the low between: (time_s, force_n) each."""
+    """(time_s, force_n) of the two highest peaks of the load cell's 1 s mean, in order of time, and of the low between.
+
+    One point only where there is one peak.
+    """
     time_s, force_n = mean_force(full_lift(run))
     peaks = find_peaks(force_n, 0.05 * (force_n.max() - force_n[0]))
     highest = sorted(sorted(peaks, key=lambda i: -force_n[i])[:2])
@@ -268,8 +270,8 @@ def check_peak_time(study, which, expected_s):
         raise Missing(f"{REFERENCE} has one peak only in each seed")
     return Result(f"{spread(times_s, unit='s')} after the start of the lift", np.mean(times_s), "s",
                   abs(np.mean(times_s) - expected_s) <= 3.0,
-                  "The section says of the field test that blocks rearranged between the peaks. Time is counted from 40 s of "
-                  "the test, where the simulations begin.")
+                  "The section says of the field test that blocks rearranged between the peaks. Time is counted from "
+                  "40 s of the test, where the simulations begin.")
 
 
 def check_peak_above_residual(study):
@@ -282,7 +284,7 @@ def check_peak_above_residual(study):
 
 
 def end_level(run):
-    """Over the last 5 s of the lift's 40 s, in % of the mean: (fall or rise of the fitted line, range of the 1 s mean)."""
+    """Over the last 5 s of the lift's 40 s, in % of the mean: (rise of the fitted line, range of the 1 s mean)."""
     full_lift(run)
     force = run.force()
     lift_s = force["time_s"] - run.lift_start()
@@ -342,24 +344,24 @@ def check_components(study):
             errors.append(abs(total - one["ice"]) / abs(one["ice"]))
     return Result(f"{'; '.join(texts)}; sum off by at most {100.0 * max(errors):.2g} %", 100.0 * max(errors), "%",
                   max(errors) <= 0.01,
-                  "Friction is the rest that gravity, buoyancy and drag leave of the ice force, so that the sum holds by "
-                  "definition; this checks the bookkeeping.")
+                  "Friction is the rest that gravity, buoyancy and drag leave of the ice force, so that the sum holds "
+                  "by definition; this checks the bookkeeping.")
 
 
 def check_friction_share(study):
     found = [components(run, "peak") for run in runs_of(study, REFERENCE)]
     shares = [100.0 * one["plug_friction_n"] / one["ice"] for one in found]
-    return Result(f"friction and cohesion of the surrounding ice: {spread(shares, '{:.0f}', '%')} of the ice force at its "
-                  "peak", np.mean(shares), "%", np.mean(shares) > 50.0,
-                  "What weight, buoyancy and drag of all raised ice leave of the ice force; negative where the ice around "
-                  "carries part of the raised ice.")
+    return Result(f"friction and cohesion of the surrounding ice: {spread(shares, '{:.0f}', '%')} of the ice force at "
+                  "its peak", np.mean(shares), "%", np.mean(shares) > 50.0,
+                  "What weight, buoyancy and drag of all raised ice leave of the ice force; negative where the ice "
+                  "around carries part of the raised ice.")
 
 
 def check_dry_weight(study):
     found = [components(run, "end") for run in runs_of(study, REFERENCE)]
     ratios = [one["ice"] / one["plug_gravity_n"] if one["plug_gravity_n"] > 0.0 else float("inf") for one in found]
-    return Result(f"ice force over the raised ice's weight {spread(ratios, '{:.2f}')} in the last 4.5 s", np.mean(ratios),
-                  "1", abs(np.mean(ratios) - 1.0) <= 0.1,
+    return Result(f"ice force over the raised ice's weight {spread(ratios, '{:.2f}')} in the last 4.5 s",
+                  np.mean(ratios), "1", abs(np.mean(ratios) - 1.0) <= 0.1,
                   "Raised ice: more than one spacing above its site, in the collector or heaped up on the ice around, "
                   "which carries part of it.")
 
@@ -373,7 +375,7 @@ def check_series_a_below(study):
     figure = ", ".join(f"{case} {spread(1e-3 * values[:, i])}" for i, case in enumerate([*cases, REFERENCE]))
     return Result(f"{figure} kN; all below {REFERENCE} in {below.sum()} of {below.size} seeds", below.mean(), "1",
                   bool(np.all(mean[:-1] < mean[-1])) and below.mean() >= SEED_SHARE,
-                  f"The measured residual has no number in the text; {REFERENCE}, said to be close to it, stands for it.")
+                  f"The measured residual has no number in the text; {REFERENCE}'s, said to be close, stands for it.")
 
 
 def check_strongest(study, strongest, letter, column):
@@ -424,12 +426,13 @@ def check_friction_angle(study, column):
     values = by_seed(study, [REFERENCE, "B-4", "B-5"], lambda run: run.result(column))
     changes = 100.0 * (values[:, 1:] / values[:, :1] - 1.0)
     mean = 100.0 * (values.mean(axis=0)[1:] / values.mean(axis=0)[0] - 1.0)
-    return Result(f"against B-1: B-4 (40°) {mean[0]:+.1f} % ({changes[:, 0].min():+.1f} to {changes[:, 0].max():+.1f}), "
+    return Result(f"against B-1: B-4 (40°) {mean[0]:+.1f} % "
+                  f"({changes[:, 0].min():+.1f} to {changes[:, 0].max():+.1f}), "
                   f"B-5 (60°) {mean[1]:+.1f} % ({changes[:, 1].min():+.1f} to {changes[:, 1].max():+.1f})",
                   float(np.abs(mean).max()), "%", bool(np.all(np.abs(mean) <= 10.0)),
-                  "Ice force alone, since the rig's constant weight would hide changes. B-5's cap in Table 6 does not fit "
-                  "the pattern of the other columns (D1 X0 = 1.54 instead of about 0.2), so that B-5 differs in more than "
-                  "its angle.")
+                  "Ice force alone, since the rig's constant weight would hide changes. B-5's cap as printed in Table "
+                  "6 does not fit the other columns (D1 X0 = 1.54 instead of about 0.2): B-5 differs in more than its "
+                  "angle.")
 
 
 def check_friction_angle_start(study):
@@ -437,7 +440,8 @@ def check_friction_angle_start(study):
     by_seed(study, cases, lambda run: 0.0)
 
     def curve(case):
-        curves = [mean_force(run, ice_force(columns_of(run, "force.csv", COMPONENTS[:2]))) for run in runs_of(study, case)]
+        curves = [mean_force(run, ice_force(columns_of(run, "force.csv", COMPONENTS[:2])))
+                  for run in runs_of(study, case)]
         time_s = np.arange(0.5, 10.0, 0.1)
         if min(one[-1] for one, _ in curves) < time_s[-1]:
             raise Missing(f"{case} is shorter than 10 s")
@@ -450,8 +454,8 @@ def check_friction_angle_start(study):
         difference = np.abs(curve(case)[1] - reference_n)
         largest.append(100.0 * difference.max() / peak_n)
         texts.append(f"{case} {largest[-1]:.1f} % at {time_s[difference.argmax()]:.1f} s")
-    return Result(f"largest difference from B-1 in the first 10 s, in % of B-1's peak: {', '.join(texts)}", min(largest),
-                  "%", min(largest) >= 5.0,
+    return Result(f"largest difference from B-1 in the first 10 s, in % of B-1's peak: {', '.join(texts)}",
+                  min(largest), "%", min(largest) >= 5.0,
                   "Means over the seeds of the ice force's 1 s mean; before 10 s, equivalent runs differ by 1 to 2 %.")
 
 
@@ -517,8 +521,8 @@ def check_narrows(study):
     if np.mean(wide_m) <= 0.0:
         raise Missing(f"{REFERENCE} has no plug at 15 s")
     change = 100.0 * (np.mean(late_m) / np.mean(wide_m) - 1.0)
-    return Result(f"larger of the two radii: {spread(wide_m, '{:.2f}', 'm')} at 15 s, {spread(late_m, '{:.2f}', 'm')} at "
-                  "40 s", change, "%", bool(change <= -10.0), "Value: change of the mean.")
+    return Result(f"larger of the two radii: {spread(wide_m, '{:.2f}', 'm')} at 15 s, {spread(late_m, '{:.2f}', 'm')} "
+                  "at 40 s", change, "%", bool(change <= -10.0), "Value: change of the mean.")
 
 
 def check_final_shape(study):
@@ -540,8 +544,8 @@ def check_edge_falls(study):
         raise Missing(f"{REFERENCE} has no plug at 25 s")
     lost = counts[:, 0] - counts[:, 1]
     share = 100.0 * lost.mean() / counts[:, 0].mean()
-    return Result(f"raised particles: {spread(counts[:, 0], '{:.0f}')} at 25 s, {spread(counts[:, 1], '{:.0f}')} at 40 s: "
-                  f"{share:.0f} % fewer", share, "%", bool(0.0 < share <= 20.0),
+    return Result(f"raised particles: {spread(counts[:, 0], '{:.0f}')} at 25 s, {spread(counts[:, 1], '{:.0f}')} at "
+                  f"40 s: {share:.0f} % fewer", share, "%", bool(0.0 < share <= 20.0),
                   "Counts ice that falls back below one spacing over its site, from the edge or not.")
 
 
@@ -599,8 +603,8 @@ def check_hole_filled_everywhere(study):
 # ---------------------------------------------------------------------------------------------------------- statements
 
 SEED_RULE = "in the mean over the seeds and in at least two thirds of them"
-NO_MEASURED_NUMBER = ("The measured curve is printed as a figure only; the text gives no number of it, and none is made up "
-                      "here.")
+NO_MEASURED_NUMBER = ("The measured curve is printed as a figure only; the text gives no number of it, and none is "
+                      "made up here.")
 
 STATEMENTS = [
     # Section 3: the field test.
@@ -618,8 +622,8 @@ STATEMENTS = [
     Statement("low_above_end", "3", "The low point between the two peaks lies above the final level.",
               f"{SEED_RULE}", check_low_above_end),
     Statement("final_level_constant", "3, 6", "After the second peak the force declines to a constant level.",
-              "over the last 5 s the fitted line changes by at most 5 % of the level and the 1 s mean stays within 10 %, "
-              f"{SEED_RULE}", lambda study: check_constant_level(study, [REFERENCE])),
+              "over the last 5 s the fitted line changes by at most 5 % of the level and the 1 s mean stays within 10 "
+              f"%, {SEED_RULE}", lambda study: check_constant_level(study, [REFERENCE])),
     Statement("dry_weight", "3", "The final level is the dry weight of the ice that hangs in the collector.",
               "ice force within 10 % of the raised ice's weight in the last 4.5 s", check_dry_weight),
     Statement("drainage", "3", "The force falls slightly as water drains and small pieces drop, before it is constant.",
@@ -646,7 +650,7 @@ STATEMENTS = [
     Statement("friction_angle_start", "6, Fig. 11", "The first part of the curve differs with the friction angle.",
               "largest difference in the first 10 s at least 5 % of B-1's peak, for B-4 and for B-5",
               check_friction_angle_start),
-    Statement("shear_dominates", "6, 7", "Shear strength, friction and rearrangement of the ice make most of the force.",
+    Statement("shear_dominates", "6, 7", "Shear strength, friction and rearrangement make most of the force.",
               "friction and cohesion above 50 % of the ice force at its peak", check_friction_share),
     Statement("cohesion_peak_a", "6, Fig. 12", "The peak rises with the cohesion at 70 % voids: A-2 < A-1 < A-3.",
               SEED_RULE, lambda study: check_order(study, ["A-2", "A-1", "A-3"], "peak_force_n")),
@@ -662,7 +666,7 @@ STATEMENTS = [
               "exponent n of F ~ c^n within 0.2 of 1", check_proportional),
     Statement("same_amount", "6", "Higher cohesion needs a higher force to lift the same amount of ice.",
               "raised mass at 40 s of A-1 to A-3, and of B-1 to B-3, within 10 % of each other", check_same_amount),
-    Statement("series_a_residual", "6, Fig. 12", "The residuals of all simulations of series A lie below the measured one.",
+    Statement("series_a_residual", "6, Fig. 12", "All residuals of series A lie below the measured one.",
               f"below {REFERENCE}'s, {SEED_RULE}", check_series_a_below),
     Statement("peak_above_residual", "6, Fig. 14", "Each simulation has a peak above its residual.",
               "in every run", check_peak_above_residual),
@@ -673,14 +677,15 @@ STATEMENTS = [
     Statement("hole_filled", "6, 7", "Neighbouring particles quickly fill the hole.",
               "at least half of the hole's sites refilled at 40 s", check_hole_filled),
     Statement("hole_filled_in_all", "6", "The hole is filled in all simulations.",
-              "at least half of the hole's sites refilled at 40 s in the mean of each case", check_hole_filled_everywhere),
+              "at least half of the hole's sites refilled at 40 s in the mean of each case",
+              check_hole_filled_everywhere),
     Statement("bulge", "6, Fig. 15a", "After 5 s there is a bulge at the top of the ice.",
               "rise above a tenth of the spacing in each seed", check_bulge),
     Statement("wide_plug", "6, 7, Fig. 15b", "First the plug is wider than the collector.",
               "at 15 s the larger of the two radii exceeds the collector's", check_wide_plug),
     Statement("cone", "6, Fig. 15c", "Then the plug becomes a cone.",
               "at 25 s the radii at the top and at the waterline differ by at least 20 % of the larger", check_cone),
-    Statement("edge_falls", "6, Fig. 15c, d", "A few particles at the collector's edge fall off before the final shape.",
+    Statement("edge_falls", "6, Fig. 15c, d", "A few particles at the collector's edge fall off before the end.",
               "fewer raised particles at 40 s than at 25 s, by at most 20 %", check_edge_falls),
     Statement("final_shape", "6, Fig. 15d", "At about 40 s the plug has its final shape.",
               "the number of raised particles changes by at most 5 % from 35 to 40 s", check_final_shape),
@@ -696,7 +701,7 @@ STATEMENTS = [
     Statement("residual_too_high", "7", "The simulated residual may be too high, as large blocks cannot fall off.",
               reason=f"{NO_MEASURED_NUMBER} Blocks as such are below what a continuum shows."),
     Statement("blocks_fall", "7", "In the field two blocks of about 1 m fell off the edge after the first peak.",
-              reason="The model is a continuum of equal particles; it has no single large blocks, as the section says."),
+              reason="The model is a continuum of equal particles without large blocks, as the section says."),
     Statement("uneven_plug", "7", "The pole's uneven motion in the horizontal makes the plug lopsided.",
               reason="Crane and pole move straight up here; the text gives no numbers of their sideways motion."),
     Statement("void_fraction_field", "5", "Void fractions of 57 to 77 % were found in similar field tests.",

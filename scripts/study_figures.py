@@ -16,7 +16,7 @@ from matplotlib.collections import EllipseCollection  # noqa: E402
 from matplotlib.lines import Line2D  # noqa: E402
 from matplotlib.patches import Patch  # noqa: E402
 
-from study_data import Missing, moving_mean  # noqa: E402
+from study_data import Missing  # noqa: E402
 
 # Told apart by lightness alone, so in greyscale print and with colour blindness too. With the line styles they make 20
 # pairs before any repeats.
@@ -139,9 +139,9 @@ def draw_hardening(study, figure, name):
         same = " Cases with the same cap lie on each other."
     return Drawing(
         to_svg(picture, name, "hardening curve"), "Hardening of the cap",
-        "Eq. 12 of the paper with the keys ice.cap_* of the cases: left the J1-intercept X of the cap, right the plastic "
-        "volume strain against the pressure on the hydrostatic axis, as in Fig. 9 of the paper, both up to 90 % of the "
-        f"largest compaction W.{same} The paper compares with a curve of Heinonen (2004); its text gives no numbers of "
+        "Eq. 12 of the paper with the keys ice.cap_* of the cases: left the J1-intercept X of the cap, right the "
+        "plastic volume strain against the pressure on the hydrostatic axis, as in Fig. 9 of the paper, both up to 90 % of "
+        f"the largest compaction W.{same} The paper compares with a curve of Heinonen (2004); its text gives no numbers of "
         "that curve, so none is drawn.")
 
 
@@ -333,9 +333,10 @@ def draw_plug(study, figure, name):
     seeds = " Thin: one seed each; thick: their mean." if several else ""
     return Drawing(
         to_svg(picture, name, "plug and hole against time"), "Plug and hole against time",
-        "Raised: more than one spacing above the original site. Radii are those of a disc with the same section: at the "
-        "waterline, and in the layer below the highest raised particle. A hole site counts as refilled when a particle "
-        f"that is not raised has moved into it; drawn from {MIN_HOLE_SITES} hole sites on.{seeds}{left_out(figure['cases'], shown)}")
+        "Raised: more than one spacing above the original site. Radii are those of a disc with the same section: at "
+        "the waterline, and in the layer below the highest raised particle. A hole site counts as refilled when a "
+        f"particle that is not raised has moved into it; drawn from {MIN_HOLE_SITES} hole sites on."
+        f"{seeds}{left_out(figure['cases'], shown)}")
 
 
 def plug_values(plug, column):
@@ -365,7 +366,7 @@ def left_out(asked, shown):
 
 
 def to_svg(picture, name, description):
-    """The picture as an svg element that can stand in a page beside others: no prolog, no namespaces, ids of its own."""
+    """The picture as an svg element for a page with others: no prolog, no namespaces, ids of its own."""
     stream = io.StringIO()
     picture.savefig(stream, format="svg", bbox_inches="tight", metadata={"Date": None})
     plt.close(picture)

@@ -122,7 +122,7 @@ def draw_hardening(study, figure, name):
     picture, (left, right) = plt.subplots(1, 2, figsize=(WIDTH_IN, 4.4))
     for case, values, (x_pa, strain) in curves:
         style = case_style(study, case)
-        left.plot(strain, 1e-3 * x_pa, linewidth=1.8, label=case_label(study, case), **style)
+        left.plot(strain, 1e-3 * x_pa, linewidth=1.8, **style)
         # Up to X0 / 3 nothing compacts.
         right.plot(1e-3 / 3.0 * np.append(0.0, x_pa), np.append(0.0, strain), linewidth=1.8, **style)
     left.set_xlabel("plastic volume strain e (compaction positive)")
@@ -132,7 +132,7 @@ def draw_hardening(study, figure, name):
     for axes in (left, right):
         axes.set_xlim(left=0.0)
         axes.set_ylim(bottom=0.0)
-    legend_below(picture, left)
+    legend_below(picture, study, figure["cases"])
     same = ""
     parameters = [tuple(values) for _, values, _ in curves]
     if len(set(parameters)) < len(parameters):
@@ -140,9 +140,9 @@ def draw_hardening(study, figure, name):
     return Drawing(
         to_svg(picture, name, "hardening curve"), "Hardening of the cap",
         "Eq. 12 of the paper with the keys ice.cap_* of the cases: left the J1-intercept X of the cap, right the "
-        "plastic volume strain against the pressure on the hydrostatic axis, as in Fig. 9 of the paper, both up to 90 % of "
-        f"the largest compaction W.{same} The paper compares with a curve of Heinonen (2004); its text gives no numbers of "
-        "that curve, so none is drawn.")
+        "plastic volume strain against the pressure on the hydrostatic axis, as in Fig. 9 of the paper, both up to 90 % "
+        f"of the largest compaction W.{same} The paper compares with a curve of Heinonen (2004); its text gives no "
+        "numbers of that curve, so none is drawn.")
 
 
 def draw_force(study, figure, name):
@@ -160,7 +160,7 @@ def draw_force(study, figure, name):
             several = True
             for curve in curves:
                 axes.plot(*drawn_samples(*curve), color=style["color"], linewidth=0.6, alpha=0.45)
-        axes.plot(*drawn_samples(*mean_curve(curves)), linewidth=2.0, label=case_label(study, case), zorder=3, **style)
+        axes.plot(*drawn_samples(*mean_curve(curves)), linewidth=2.0, zorder=3, **style)
     if not shown:
         plt.close(picture)
         raise Missing("none of its cases has a run that did not fail")
@@ -169,7 +169,7 @@ def draw_force(study, figure, name):
     axes.set_xlim(0.0, end_s)
     if min(line.get_ydata().min() for line in axes.lines) > -0.1:
         axes.set_ylim(bottom=0.0)
-    legend_below(picture, axes)
+    legend_below(picture, study, shown)
     seeds = " Thin: one run of one seed each; thick: their mean." if several else ""
     return Drawing(to_svg(picture, name, "force against time"), "Force against time",
                    "Reading of the load cell, weight of collector and pole included, drawn as means over "
@@ -314,7 +314,7 @@ def draw_plug(study, figure, name):
                 several = True
                 for curve in curves:
                     axes.plot(*curve, color=style["color"], linewidth=0.6, alpha=0.45)
-            axes.plot(*mean_curve(curves), linewidth=1.8, label=case_label(study, case), **style)
+            axes.plot(*mean_curve(curves), linewidth=1.8, **style)
         if column.startswith("radius"):
             for radius in sorted({run.scenario_number("collector.radius_m")
                                   for case in shown for run in study.runs_of(case)}):
@@ -329,7 +329,7 @@ def draw_plug(study, figure, name):
     for axes in grid[-1]:
         axes.set_xlabel("time after settling (s)")
     picture.tight_layout()
-    legend_below(picture, grid[0, 0])
+    legend_below(picture, study, shown)
     seeds = " Thin: one seed each; thick: their mean." if several else ""
     return Drawing(
         to_svg(picture, name, "plug and hole against time"), "Plug and hole against time",
@@ -346,23 +346,21 @@ def plug_values(plug, column):
     return plug[column]
 
 
-def legend_below(picture, axes):
+def legend_below(picture, study, cases):
     """One legend for the whole picture, under it, so that it hides no curve."""
-    handles, labels = axes.get_legend_handles_labels()
-    if not handles:
-        return
-    longest = max(len(label) for label in labels)
-    columns = max(1, min(len(labels), int(110 / (longest + 10))))
-    height = picture.get_size_inches()[1]
-    handles = [Line2D([], [], color=handle.get_color(), linestyle=handle.get_linestyle(), linewidth=2.0)
-               for handle in handles]
-    picture.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, -0.02 / height), ncol=columns,
-                   handlelength=3.2)
+    handles = [Line2D([], [], linewidth=2.0, **case_style(study, case)) for case in cases]
+    labels = [case_label(study, case) for case in cases]
+    columns = max(1, min(len(labels), int(110 / (max(map(len, labels)) + 10))))
+    picture.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, -0.02 / picture.get_size_inches()[1]),
+                   ncol=columns, handlelength=3.2)
 
 
 def left_out(asked, shown):
     missing = [case for case in asked if case not in shown]
-    return f" Without {', '.join(missing)}: no run that did not fail." if missing else ""
+    text = f" Without {', '.join(missing)}: no run that did not fail." if missing else ""
+    if len(shown) > len(COLOURS) * len(LINE_STYLES):
+        text += " The cases are so many that colours and line styles repeat."
+    return text
 
 
 def to_svg(picture, name, description):

@@ -150,6 +150,13 @@ CapModel::Cap CapModel::capAt(double compaction) const {
                           1.0 / ((p.max_compaction - compaction) * root));
 }
 
+/// Moduli count (1 - d) times.
+double CapModel::elasticEnergyDensity(const std::array<float, kComponents>& stress_pa,
+                                      const std::vector<float>& state) const {
+  const double undamaged = Material::elasticEnergyDensity(stress_pa, state);
+  return parameters_.damages ? undamaged / (1.0 - static_cast<double>(state[damage_])) : undamaged;
+}
+
 double CapModel::shearStrength(double j1_pa, double compaction) const {
   const Cap cap = capAt(compaction);
   const double t = std::max(0.0, (j1_pa - cap.start) / cap.width);

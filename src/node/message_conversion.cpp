@@ -130,6 +130,7 @@ PlugState toPlugState(const Stamp& stamp, double time_s, const PlugSummary& plug
   message.radius_at_top_m = plug.radius_at_top_m;
   message.hole_sites = static_cast<std::uint32_t>(plug.hole_sites);
   message.hole_refill_ratio = plug.hole_refill_ratio;
+  message.hole_cover_ratio = plug.hole_cover_ratio;
   message.bulge_height_m = plug.bulge_height_m;
   message.bulge_radius_m = plug.bulge_radius_m;
   return message;

@@ -20,7 +20,7 @@ constexpr const char* kHeader =
 
 constexpr const char* kPlugHeader =
     "time_s,lifted_mass_kg,raised_particles,radius_at_waterline_m,radius_at_top_m,hole_sites,hole_refill_ratio,"
-    "bulge_height_m,bulge_radius_m\n";
+    "hole_cover_ratio,bulge_height_m,bulge_radius_m\n";
 
 /// Time between two rows of plug.csv, s.
 constexpr double kPlugIntervalS = 0.5;
@@ -120,7 +120,7 @@ void RunWriter::writePlugIfDue(const Simulation& simulation, const Snapshot& sna
   std::string row;
   append(row, {snapshot.time_s, plug.lifted_mass_kg, static_cast<double>(plug.raised_particles),
                plug.radius_at_waterline_m, plug.radius_at_top_m, static_cast<double>(plug.hole_sites),
-               plug.hole_refill_ratio, plug.bulge_height_m, plug.bulge_radius_m});
+               plug.hole_refill_ratio, plug.hole_cover_ratio, plug.bulge_height_m, plug.bulge_radius_m});
   plug_file_.write(row + '\n');
   plug_file_.flush();
 }

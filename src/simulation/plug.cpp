@@ -17,6 +17,9 @@ double discRadius(std::size_t count, double spacing_m) {
 /// Thickness of what counts as the top layer, in spacings.
 constexpr double kTopLayer = 0.8;
 
+/// How far over the lowest site the bottom layer reaches, in spacings: with the largest jitter 0.6.
+constexpr double kBottomLayer = 0.65;
+
 /// Rise from which the surface counts as bulged, in spacings.
 constexpr double kBulged = 0.1;
 
@@ -63,17 +66,28 @@ PlugSummary computePlug(const std::vector<Eigen::Vector3d>& site_m, const std::v
   plug.radius_at_top_m = discRadius(at_top, spacing_m);
 
   const double reach = 0.5 * spacing_m;
-  std::vector<Eigen::Vector3d> fillers;
+  double bottom = std::numeric_limits<double>::infinity();
+  for (const Eigen::Vector3d& site : site_m) bottom = std::min(bottom, site.z());
+  std::vector<Eigen::Vector3d> fillers, around;
   for (std::size_t i = 0; i < position_m.size(); ++i) {
     const Eigen::Vector3d& p = position_m[i];
-    const bool near_hole = ((p - low).array() > -reach).all() && ((high - p).array() > -reach).all();
-    if (near_hole && !isRaised(site_m[i], p, spacing_m)) fillers.push_back(p);
+    const auto outside = ((p - low).array() <= -reach) || ((high - p).array() <= -reach);
+    if (outside.head<2>().any() || isRaised(site_m[i], p, spacing_m)) continue;
+    around.push_back(p);
+    if (!outside.z()) fillers.push_back(p);
   }
-  std::size_t refilled = 0;
+  std::size_t refilled = 0, columns = 0, covered = 0;
   for (const std::size_t i : raised) {
     const auto fills = [&](const Eigen::Vector3d& p) { return (p - site_m[i]).squaredNorm() < reach * reach; };
     if (std::any_of(fillers.begin(), fillers.end(), fills)) ++refilled;
+    if (site_m[i].z() > bottom + kBottomLayer * spacing_m) continue;
+    ++columns;
+    const auto covers = [&](const Eigen::Vector3d& p) {
+      return (p - site_m[i]).head<2>().squaredNorm() < reach * reach;
+    };
+    if (std::any_of(around.begin(), around.end(), covers)) ++covered;
   }
+  if (columns > 0) plug.hole_cover_ratio = static_cast<double>(covered) / static_cast<double>(columns);
   plug.hole_refill_ratio = static_cast<double>(refilled) / static_cast<double>(plug.hole_sites);
   return plug;
 }

@@ -234,6 +234,7 @@ TEST(Scenario, ShearSurfaceIsAlwaysFlatterThanTheTensionCutoff) {
       if (std::string(name) == "friction_angle_deg") angle_deg = range.max;
     }
     void operator()(const char*, bool&, const char*) {}
+    void operator()(const char*, std::string&, const char*) {}
     void operator()(const char*, FlowRule&, std::initializer_list<const char*>, const char*) {}
   } bounds;
   IceConfig().visit(bounds);

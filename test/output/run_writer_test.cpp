@@ -224,18 +224,18 @@ TEST_F(RunWriterTest, PlugHasARowEachHalfSecondFromTimeZero) {
   const std::vector<std::string> lines = split(readFile(writer.plugPath()), '\n');
   EXPECT_EQ(lines[0],
             "time_s,lifted_mass_kg,raised_particles,radius_at_waterline_m,radius_at_top_m,hole_sites,hole_refill_ratio,"
-            "bulge_height_m,bulge_radius_m");
+            "hole_cover_ratio,bulge_height_m,bulge_radius_m");
   ASSERT_EQ(lines.size(), 5u);
   EXPECT_NEAR(std::stod(lines[1]), 0.0, 1e-12);
   EXPECT_NEAR(std::stod(lines[2]), 0.5, 1e-12);
   EXPECT_NEAR(std::stod(lines[3]), 1.0, 1e-12);
   const std::vector<std::string> cells = split(lines[4], ',');
-  ASSERT_EQ(cells.size(), 9u);
+  ASSERT_EQ(cells.size(), 10u);
   EXPECT_EQ(std::stod(cells[0]), 7.1);
   EXPECT_EQ(std::stod(cells[1]), plug.lifted_mass_kg);
   EXPECT_EQ(std::stoul(cells[2]), plug.raised_particles);
-  EXPECT_EQ(std::stod(cells[7]), plug.bulge_height_m);
-  EXPECT_EQ(std::stod(cells[8]), plug.bulge_radius_m);
+  EXPECT_EQ(std::stod(cells[8]), plug.bulge_height_m);
+  EXPECT_EQ(std::stod(cells[9]), plug.bulge_radius_m);
 }
 
 }  // namespace

@@ -60,6 +60,27 @@ TEST(Plug, HoleIsRefilledByNeighboursNotByThePlugItself) {
   EXPECT_DOUBLE_EQ(computePlug(original, moved, kSpacing, kMass).hole_refill_ratio, 0.5);
 }
 
+TEST(Plug, HoleIsCoveredWhereAnyLayerOfNeighboursLiesInItsColumn) {
+  const auto original = sites();
+  auto moved = original;
+  // The columns at x = 0, y = 0 and 0.3 m go up whole, the one at y = -0.3 m only with its top layer: no hole there.
+  for (std::size_t i = 0; i < moved.size(); ++i) {
+    const Eigen::Vector3d& site = original[i];
+    if (std::abs(site.x()) > 0.1 || std::abs(site.y()) > 0.4) continue;
+    if (site.y() > -0.1 || site.z() == 0.0) moved[i].z() += 1.0;
+  }
+  EXPECT_EQ(computePlug(original, moved, kSpacing, kMass).hole_cover_ratio, 0.0);
+  // A neighbour slides over one of the two, in a depth where no site was.
+  for (std::size_t i = 0; i < moved.size(); ++i) {
+    if ((original[i] - Eigen::Vector3d(kSpacing, kSpacing, 0.0)).norm() < 1e-9) {
+      moved[i] += Eigen::Vector3d(-0.25, 0.0, 0.2);
+    }
+  }
+  const PlugSummary plug = computePlug(original, moved, kSpacing, kMass);
+  EXPECT_EQ(plug.hole_cover_ratio, 0.5);
+  EXPECT_EQ(plug.hole_refill_ratio, 0.0);
+}
+
 TEST(Plug, BulgeIsTheRiseOfTheTopLayerOnly) {
   const auto original = sites();
   auto moved = original;

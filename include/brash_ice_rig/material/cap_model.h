@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <string>
 #include <vector>
 
@@ -75,6 +76,8 @@ class CapModel : public Material {
   void update(MaterialBatch& batch) const override;
   double bulkModulus() const override { return parameters_.bulk_modulus_pa; }
   double shearModulus() const override { return parameters_.shear_modulus_pa; }
+  double elasticEnergyDensity(const std::array<float, kComponents>& stress_pa,
+                              const std::vector<float>& state) const override;
   const CapParameters& parameters() const { return parameters_; }
 
   /// Cap intercept X, Pa, ≥ X0: eq. 12 solved for X.

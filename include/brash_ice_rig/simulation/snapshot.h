@@ -54,6 +54,8 @@ struct PlugSummary {
   double radius_at_top_m = 0.0;        ///< the same for the layer below the highest raised particle
   std::size_t hole_sites = 0;          ///< original sites of the raised particles
   double hole_refill_ratio = 0.0;      ///< share of hole sites into which neighbours have moved, 0..1
+  double hole_cover_ratio = 0.0;       ///< the same seen from above: share of the hole's columns, those raised from the
+                                       ///< bottom layer up, with ice of neighbours at any depth
   double bulge_height_m = 0.0;         ///< largest rise of a particle of the top layer over its original site, >= 0
   double bulge_radius_m = 0.0;         ///< farthest original distance from the axis of a particle of the top layer
                                        ///< that has risen by more than a tenth of the spacing; 0: none has

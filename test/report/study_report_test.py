@@ -545,7 +545,8 @@ class Figures(TemporaryStudy):
     def test_a_title_that_begins_with_the_name_does_not_repeat_it(self):
         write_study(self.directory, seeds=(1,), end_s=1.0, frames=False, cases=["A-1", "B-1"])
         with open(os.path.join(self.directory, "study.yaml"), "w", encoding="utf-8") as stream:
-            yaml.safe_dump({"cases": [{"name": "A-1", "title": "A-1: loose"}, {"name": "B-1", "title": "firm"}]}, stream)
+            cases = [{"name": "A-1", "title": "A-1: loose"}, {"name": "B-1", "title": "firm"}]
+            yaml.safe_dump({"cases": cases}, stream)
         study = study_data.Study(self.directory)
         self.assertEqual(study_figures.case_label(study, "A-1"), "A-1: loose")
         self.assertEqual(study_figures.case_label(study, "B-1"), "B-1: firm")

@@ -141,8 +141,8 @@ def draw_hardening(study, figure, name):
         to_svg(picture, name, "hardening curve"), "Hardening of the cap",
         "Eq. 12 of the paper with the keys ice.cap_* of the cases: left the J1-intercept X of the cap, right the "
         "plastic volume strain against the pressure on the hydrostatic axis, as in Fig. 9 of the paper, both up to "
-        f"90 % of the largest compaction W.{same} The paper compares with a curve of Heinonen (2004); its text gives no "
-        "numbers of that curve, so none is drawn.")
+        f"90 % of the largest compaction W.{same} The paper compares with a curve of Heinonen (2004); its text gives "
+        "no numbers of that curve, so none is drawn.")
 
 
 def draw_force(study, figure, name):

@@ -1,8 +1,8 @@
 """What the paper states about the pull-up test and its simulations, against the figures of a study.
 
-One Statement per claim. Its rule was set before the figures were looked at; the figures come from results.csv,
-force.csv and plug.csv of the study's runs. Section and figure numbers are the paper's. Nothing is compared with the
-paper's measured curve: its text gives no numbers of it.
+One Statement per claim, with a rule that is the same for every study; no rule was changed after a study had been held
+against it. The figures come from results.csv, force.csv and plug.csv of the study's runs. Section and figure numbers
+are the paper's. Nothing is compared with the paper's measured curve: its text gives no numbers of it.
 """
 
 import csv

@@ -203,7 +203,9 @@ class Study:
             settings = entry.get("settings") or {}
             if not isinstance(settings, dict):
                 raise BadInput(f"{self.path}: cases: settings of {name} must be a map")
-            cases.append(Case(name, str(entry.get("title") or ""), settings))
+            # Titles often begin with the name, which stands before them wherever they are shown.
+            title = str(entry.get("title") or "")
+            cases.append(Case(name, title[len(name) + 1:].strip() if title.startswith(f"{name}:") else title, settings))
         return cases
 
     def _read_results(self, path):

@@ -140,9 +140,9 @@ def draw_hardening(study, figure, name):
     return Drawing(
         to_svg(picture, name, "hardening curve"), "Hardening of the cap",
         "Eq. 12 of the paper with the keys ice.cap_* of the cases: left the J1-intercept X of the cap, right the "
-        "plastic volume strain against the pressure on the hydrostatic axis, as in Fig. 9 of the paper, both up to 90 % "
-        f"of the largest compaction W.{same} The paper compares with a curve of Heinonen (2004); its text gives no "
-        "numbers of that curve, so none is drawn.")
+        "plastic volume strain against the pressure on the hydrostatic axis, as in Fig. 9 of the paper, both up to "
+        f"90 % of the largest compaction W.{same} The paper compares with a curve of Heinonen (2004); its text gives "
+        "no numbers of that curve, so none is drawn.")
 
 
 def draw_force(study, figure, name):

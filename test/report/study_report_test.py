@@ -542,6 +542,15 @@ class Figures(TemporaryStudy):
         for cases in small:
             self.assertEqual(len({styles[case]["color"] for case in cases}), len(cases))
 
+    def test_a_title_that_begins_with_the_name_does_not_repeat_it(self):
+        write_study(self.directory, seeds=(1,), end_s=1.0, frames=False, cases=["A-1", "B-1"])
+        with open(os.path.join(self.directory, "study.yaml"), "w", encoding="utf-8") as stream:
+            cases = [{"name": "A-1", "title": "A-1: loose"}, {"name": "B-1", "title": "firm"}]
+            yaml.safe_dump({"cases": cases}, stream)
+        study = study_data.Study(self.directory)
+        self.assertEqual(study_figures.case_label(study, "A-1"), "A-1: loose")
+        self.assertEqual(study_figures.case_label(study, "B-1"), "B-1: firm")
+
     def test_section_keeps_the_particles_beside_the_plane_and_draws_the_near_ones_last(self):
         position_m = np.array([[0, 0.31, 0], [1, 0.29, 0], [2, -0.29, 0], [3, -0.31, 0], [4, 0, 0]], dtype=float)
         self.assertEqual(list(study_figures.section(position_m, 0.3)), [1, 4, 2])

@@ -567,36 +567,45 @@ def check_fall_begins(study):
                   "Stated for the field test.")
 
 
-def refill(run):
-    """Share of hole sites refilled at 40 s, %, and the time from which on it stays at one half or more, s, or nan.
+def neighbours_in_hole(run, column):
+    """A share of the hole at 40 s, %, and the time from which on it stays at one half or more, s, or nan.
 
-    The first small hole may count as refilled for a moment, which is not what the paper means.
+    The first small hole may count as filled for a moment, which is not what the paper means.
     """
-    table = columns_of(run, "plug.csv", ["hole_refill_ratio"])
-    at_end = 100.0 * plug_at(run, "hole_refill_ratio", 40.0)
+    table = columns_of(run, "plug.csv", [column])
+    at_end = 100.0 * plug_at(run, column, 40.0)
     lift_s = table["time_s"] - run.lift_start()
-    lift_s, ratio = lift_s[lift_s <= 40.0], table["hole_refill_ratio"][lift_s <= 40.0]
+    lift_s, ratio = lift_s[lift_s <= 40.0], table[column][lift_s <= 40.0]
     below = np.flatnonzero(ratio < 0.5)
     first = below[-1] + 1 if below.size else 0
     return at_end, float(lift_s[first]) if first < lift_s.size else float("nan")
 
 
-def check_hole_filled(study):
-    found = np.array([refill(run) for run in runs_of(study, REFERENCE)])
+def check_hole(study, column, what):
+    found = np.array([neighbours_in_hole(run, column) for run in runs_of(study, REFERENCE)])
     passed = found[~np.isnan(found[:, 1]), 1]
     when = (f"above one half from {spread(passed, unit='s')} on in {passed.size} of {len(found)} seeds" if passed.size
             else "not above one half at the end")
-    return Result(f"{spread(found[:, 0], '{:.0f}', '%')} of the hole's sites refilled at 40 s; {when}",
-                  found[:, 0].mean(), "%", bool(found[:, 0].mean() >= 50.0))
+    return Result(f"{spread(found[:, 0], '{:.0f}', '%')} of {what} at 40 s; {when}", found[:, 0].mean(), "%",
+                  bool(found[:, 0].mean() >= 50.0))
 
 
-def check_hole_filled_everywhere(study):
+def check_hole_covered(study):
+    return check_hole(study, "hole_cover_ratio", "the hole's columns have ice of neighbours in them")
+
+
+def check_hole_refilled(study):
+    return check_hole(study, "hole_refill_ratio", "the sites that the plug left hold ice of neighbours")
+
+
+def check_hole_covered_everywhere(study):
     cases = [case.name for case in study.cases if study.runs_of(case.name)]
     if not cases:
         raise Missing("the study has no finished run")
-    means = {case: np.mean([refill(run)[0] for run in study.runs_of(case)]) for case in cases}
+    means = {case: np.mean([neighbours_in_hole(run, "hole_cover_ratio")[0] for run in study.runs_of(case)])
+             for case in cases}
     figure = ", ".join(f"{case} {value:.0f}" for case, value in means.items())
-    return Result(f"% of the hole's sites refilled at 40 s: {figure}", min(means.values()), "%",
+    return Result(f"% of the hole's columns with ice of neighbours at 40 s: {figure}", min(means.values()), "%",
                   bool(min(means.values()) >= 50.0))
 
 
@@ -674,11 +683,12 @@ STATEMENTS = [
               "larger of the two radii at least 10 % smaller at 40 s than at 15 s", check_narrows),
     Statement("level_in_all", "6", "All simulations reach a constant level once the collector is above the ice.",
               "drift and range as for the final level, in two thirds of all runs", check_constant_level),
-    Statement("hole_filled", "6, 7", "Neighbouring particles quickly fill the hole.",
-              "at least half of the hole's sites refilled at 40 s", check_hole_filled),
-    Statement("hole_filled_in_all", "6", "The hole is filled in all simulations.",
-              "at least half of the hole's sites refilled at 40 s in the mean of each case",
-              check_hole_filled_everywhere),
+    Statement("hole_covered", "6, 7", "Neighbouring particles quickly fill the hole: as seen from above.",
+              "at least half of the hole's columns with ice of neighbours at 40 s", check_hole_covered),
+    Statement("hole_refilled", "6, 7", "The same, by volume.",
+              "at least half of the sites that the plug left hold ice of neighbours at 40 s", check_hole_refilled),
+    Statement("hole_covered_in_all", "6", "The hole is filled in all simulations.",
+              "at least half of the hole's columns at 40 s in the mean of each case", check_hole_covered_everywhere),
     Statement("bulge", "6, Fig. 15a", "After 5 s there is a bulge at the top of the ice.",
               "rise above a tenth of the spacing in each seed", check_bulge),
     Statement("wide_plug", "6, 7, Fig. 15b", "First the plug is wider than the collector.",

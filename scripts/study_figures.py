@@ -47,7 +47,7 @@ PLUG_PANELS = [
     ("radius_at_waterline_m", "radius at the waterline (m)", 1.0),
     ("radius_at_top_m", "radius at the plug's top (m)", 1.0),
     ("lifted_mass_kg", "raised mass (t)", 1e-3),
-    ("hole_refill_ratio", "refilled hole sites (%)", 100.0),
+    ("hole_cover_ratio", "hole covered by neighbours (%)", 100.0),
 ]
 
 
@@ -341,7 +341,7 @@ def draw_plug(study, figure, name):
 
 def plug_values(plug, column):
     """A column of plug.csv, nan where it is not to be drawn."""
-    if column == "hole_refill_ratio" and "hole_sites" in plug:
+    if column == "hole_cover_ratio" and "hole_sites" in plug:
         return np.where(plug["hole_sites"] < MIN_HOLE_SITES, np.nan, plug[column])
     return plug[column]
 

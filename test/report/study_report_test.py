@@ -68,6 +68,7 @@ class Model:
         "radius_at_top_m": [(0, 0), (5, 0), (10, 2.0), (15, 1.9), (20, 1.7), (25, 1.0), (40, 0.8)],
         "hole_sites": [(0, 0), (5, 0), (20, 300), (40, 270)],
         "hole_refill_ratio": [(0, 0), (10, 0), (30, 0.8), (40, 0.8)],
+        "hole_cover_ratio": [(0, 0), (10, 0), (30, 0.8), (40, 0.8)],
         "bulge_height_m": [(0, 0), (5, 0.2), (40, 1.8)],
         "bulge_radius_m": [(0, 0), (5, 2.0), (40, 2.0)],
     }
@@ -99,6 +100,7 @@ class OnePeak(Model):
         "radius_at_top_m": [(0, 0), (5, 0), (10, 0.8), (20, 0.8), (25, 1.0), (40, 1.5)],
         "hole_sites": [(0, 0), (5, 0), (20, 200), (40, 260)],
         "hole_refill_ratio": [(0, 0), (10, 0), (30, 0.1), (40, 0.1)],
+        "hole_cover_ratio": [(0, 0), (10, 0), (30, 0.1), (40, 0.1)],
         "bulge_height_m": [(0, 0), (5, 0.01), (40, 1.8)],
         "bulge_radius_m": [(0, 0), (5, 0.0), (40, 2.0)],
     }
@@ -196,7 +198,8 @@ def write_run(directory, model, case, seed, end_s, ice_model):
     peak_n, residual_n = scale * model.peak_n[case], scale * model.residual_n[case]
     return {"peak_force_n": RIG_N + peak_n, "peak_time_s": 15.0, "residual_force_n": RIG_N + residual_n,
             "ice_peak_force_n": peak_n, "ice_residual_force_n": residual_n, "state_hash": "00ff",
-            "lifted_mass_kg": mass_kg[-1], "hole_refill_ratio": plug["hole_refill_ratio"][-1]}
+            "lifted_mass_kg": mass_kg[-1], "hole_refill_ratio": plug["hole_refill_ratio"][-1],
+            "hole_cover_ratio": plug["hole_cover_ratio"][-1]}
 
 
 def write_study(directory, model=None, cases=None, seeds=(1, 2), failed=None, end_s=40.0, ice_model="", frames=True,
@@ -595,8 +598,8 @@ class Figures(TemporaryStudy):
         self.assertEqual((list(time_s), list(mean)), ([0.0, 1.0], [1.0, 3.0]))
 
     def test_refilled_share_of_a_tiny_hole_is_not_drawn(self):
-        plug = {"hole_sites": np.array([0.0, 9.0, 10.0]), "hole_refill_ratio": np.array([0.0, 1.0, 0.5])}
-        drawn = study_figures.plug_values(plug, "hole_refill_ratio")
+        plug = {"hole_sites": np.array([0.0, 9.0, 10.0]), "hole_cover_ratio": np.array([0.0, 1.0, 0.5])}
+        drawn = study_figures.plug_values(plug, "hole_cover_ratio")
         self.assertTrue(np.isnan(drawn[:2]).all())
         self.assertEqual(drawn[2], 0.5)
 
@@ -655,8 +658,8 @@ class PaperFindings(unittest.TestCase):
         self.assertAlmostEqual(found["wide_plug"].value, 1.9, places=6)
         self.assertAlmostEqual(found["cone"].value, 100.0 * 0.6 / 1.6, places=6)
         self.assertAlmostEqual(found["edge_falls"].value, 100.0 * 20.0 / 290.0, places=6)
-        self.assertAlmostEqual(found["hole_filled"].value, 80.0, places=6)
-        self.assertIn("above one half from 22.5 s on", found["hole_filled"].figure)
+        self.assertAlmostEqual(found["hole_covered"].value, 80.0, places=6)
+        self.assertIn("above one half from 22.5 s on", found["hole_covered"].figure)
         self.assertAlmostEqual(found["proportional"].value, 1.0, places=6)
         self.assertAlmostEqual(found["first_peak_time"].value, FIRST_PEAK_S, delta=0.03)
         self.assertAlmostEqual(found["second_peak_time"].value, SECOND_PEAK_S, delta=0.03)
@@ -700,7 +703,7 @@ class PaperFindings(unittest.TestCase):
         found = self.made(cases=["A-1", "B-1"], seeds=(1,), end_s=20.0)
         self.assertEqual(found["order_peak"].verdict, paper_findings.OPEN)
         self.assertIn("no finished run of C-1", found["order_peak"].reason)
-        for name in ("hole_filled", "edge_falls", "final_level_constant", "two_peaks", "components"):
+        for name in ("hole_covered", "hole_refilled", "edge_falls", "final_level_constant", "two_peaks", "components"):
             with self.subTest(name):
                 self.assertEqual(found[name].verdict, paper_findings.OPEN)
                 self.assertIn("B-1, seed 1", found[name].reason)

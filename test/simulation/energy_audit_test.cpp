@@ -227,7 +227,7 @@ TEST(Energy, PlasticCompressionTakesTheAreaUnderTheHardeningCurve) {
   IceConfig config;
   config.shear_constant_pa = 200.0;
   config.shear_slope = 0.396;
-  CapParameters parameters = makeCapParameters(config, 1.0);
+  CapParameters parameters = makeCapParameters(config, 1.0, 0.3);
   const CapModel material(parameters);
   const double x[] = {2000.0, 3322.57, 4815.2, 6528.1, 8537.6}, weight[] = {1.0, 4.0, 2.0, 4.0, 1.0};
   double density = 0.0;

@@ -136,14 +136,16 @@ TEST(VerticalCut, OnlyTheCapBringsTheIceOfB1Down) {
   // Its theta of 0.396 is beyond the 0.289 up to which a cone has a collapse load in plane strain: it dilates so much
   // that slip presses the ice against itself. Four times Terzaghi's height with 200 Pa and 50° is no limit; with its
   // cap, at the same elastic modulus of 0.2 MPa, the bank fails far below that.
-  const IceConfig ice;
+  IceConfig ice;
+  ice.damage = false;  // limit analysis knows no softening
+  ice.gap_memory = false;
   constexpr int kRows = 12;
   constexpr double kElastic = 2.0e5;
   const double terzaghi = terzaghiNumber(ice.friction_angle_deg);
   const CapModel cone(capOutOfTheWay(computeShearSurface(ice.cohesion_pa, ice.friction_angle_deg), kElastic));
   EXPECT_TRUE(Bank(kRows, cone).stands(4.0 * terzaghi * ice.cohesion_pa / (kDensity * kHeight)));
   const double scale = kElastic / computeBrashElasticModulus(ice.parent_elastic_modulus_pa, ice.void_fraction);
-  const CapModel b1(makeCapParameters(ice, scale));
+  const CapModel b1(makeCapParameters(ice, scale, kHeight / kRows));
   const double number = findStabilityNumber(kRows, b1, ice.cohesion_pa, terzaghi, 4.0 * terzaghi);
   report("b1_over_terzaghi_with_12_rows", number / terzaghi);
 }

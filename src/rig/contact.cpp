@@ -49,6 +49,12 @@ ContactSum RigContact::update(double time_step_s, const SphBody& ice, const Coll
       return total;
     };
 
+    // Ends a contact; its damper still acted in half of the way since the last update.
+    const auto release = [&](Memory& memory, const Eigen::Vector3d& surface_velocity_mps) {
+      sum.damper_loss_j += 0.5 * time_step_s * memory.damper_n.dot(velocity - surface_velocity_mps);
+      memory = Memory();
+    };
+
     Memory& net = net_memory_[i];
     if (std::abs(offset.z()) < arm_reach) {
       const NetPoint point = collector.nearestNetPoint(offset);
@@ -72,10 +78,10 @@ ContactSum RigContact::update(double time_step_s, const SphBody& ice, const Coll
         net.side = side;
         sum.opening_moment_nm += press(touch, net).dot(point.arm_turn_m);
       } else {
-        net = Memory();
+        release(net, touch.surface_velocity_mps);
       }
     } else if (net.side != 0) {
-      net = Memory();
+      release(net, hub_velocity_mps);
     }
 
     Memory& pole = pole_memory_[i];
@@ -89,7 +95,7 @@ ContactSum RigContact::update(double time_step_s, const SphBody& ice, const Coll
       pole.side = 1;
       press(touch, pole);
     } else if (pole.side != 0) {
-      pole = Memory();
+      release(pole, hub_velocity_mps);
     }
   }
   return sum;
@@ -114,7 +120,9 @@ RigContact::Forces RigContact::resolve(double time_step_s, const Touch& touch, c
   if (pull > grip) spring *= grip / pull;
 
   sum.spring_energy_j += 0.5 * elastic_push * touch.penetration_m + 0.5 * tangential_stiffness * spring.squaredNorm();
-  sum.damper_loss_j += time_step_s * (elastic_push - push) * approach;
+  const Eigen::Vector3d damper = (elastic_push - push) * touch.normal;
+  sum.damper_loss_j += 0.5 * time_step_s * (memory.damper_n + damper).dot(relative);
+  memory.damper_n = damper;
   sum.friction_loss_j += 0.5 * tangential_stiffness * (old_spring + spring).dot(stretched - spring);
   return {push * touch.normal, -tangential_stiffness * spring};
 }

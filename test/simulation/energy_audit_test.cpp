@@ -332,6 +332,20 @@ TEST(EnergyOfAPullUp, ImbalanceIsOfFirstOrderInTheTimeStep) {
   EXPECT_NEAR(b.iceImbalance() / a.iceImbalance(), 0.5, 0.1);
 }
 
+TEST(EnergyOfAPullUp, ArmsThatGiveWayTakeWorkFromTheIce) {
+  Scenario s = pullUp();
+  s.collector.fault = FoldFault::kNoLock;
+  s.collector.unlocked_holding_moment_nm = 20.0;
+  Simulation simulation(s);
+  simulation.advance(4.0);
+  const Snapshot now = simulation.snapshot();
+  const double turn = unfoldedArmAngle(s.collector) - now.rig.arm_angle_rad;
+  ASSERT_GT(turn, 0.1);
+  // A step turns the arms only if the ice's moment before it exceeds what holds them; after it may be anything from 0.
+  EXPECT_LT(now.energy->fold_work_j, -0.5 * 20.0 * turn);
+  EXPECT_LT(std::abs(now.energy->imbalanceRatio()), 1.0e-3);
+}
+
 TEST(EnergyOfAPullUp, WatchingChangesNothingAndThreadsDoNotEither) {
   Scenario off = pullUp(), on = pullUp(), two = pullUp();
   off.output.energy = false;

@@ -54,7 +54,8 @@ class RigContact {
  private:
   struct Memory {
     Eigen::Vector3d spring_m = Eigen::Vector3d::Zero();
-    std::int8_t side = 0;  ///< 0: no contact
+    Eigen::Vector3d damper_n = Eigen::Vector3d::Zero();  ///< its force on the rig at the last update
+    std::int8_t side = 0;                                ///< 0: no contact
   };
   struct Touch {
     Eigen::Vector3d normal;  ///< unit, from the surface to the particle

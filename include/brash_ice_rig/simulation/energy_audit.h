@@ -29,8 +29,8 @@ struct RigInstant {
 /// the same to the last bit with it and without.
 ///
 /// Each force on a particle works along the mean of its velocities before and after the step, which makes the sum of
-/// the works the change of kinetic energy, exactly. Each term is found on its own, from forces and states; none is what
-/// the others leave over. Sums are kept per particle, so that they do not depend on the number of threads.
+/// the works the change of kinetic energy, exactly. Each term is found on its own, from forces and states: the
+/// imbalance is a check. Sums are kept per particle, so that they do not depend on the number of threads.
 class EnergyAudit {
  public:
   /// All zero at the present state. The parts must outlive the audit.

@@ -22,8 +22,8 @@ SEED_SHARE = 2.0 / 3.0  # a statement about an order holds if it holds in the me
 FORCE_WINDOW_S = 1.0  # forces are compared as means over this, as the peak of summary.json
 END_TOLERANCE_S = 0.6  # a run that ends this much before an asked time still counts: plug.csv has a row each 0.5 s
 # What plug.csv counts as raised, where that bears on a verdict.
-FLOATING_NOTE = ("Ice that floats up in the hole by more than one spacing counts as raised, not as refill: a hole that is "
-                 "open at the bottom only looks filled from above. See the snapshots.")
+FLOATING_NOTE = ("Ice that floats up in the hole by more than one spacing counts as raised, not as refill: the hole "
+                 "can be covered where this share is small. The snapshots show it.")
 TEST_START_S = 40.0  # the simulations begin at t = 40 s of the field test (section 6)
 
 
@@ -365,8 +365,8 @@ def check_dry_weight(study):
     ratios = [one["ice"] / one["plug_gravity_n"] if one["plug_gravity_n"] > 0.0 else float("inf") for one in found]
     return Result(f"ice force over the raised ice's weight {spread(ratios, '{:.2f}')} in the last 4.5 s",
                   np.mean(ratios), "1", abs(np.mean(ratios) - 1.0) <= 0.1,
-                  "Raised ice: more than one spacing above its site, in the collector, heaped up on the ice around, which "
-                  "carries part of it, or afloat in the hole.")
+                  "Raised ice: more than one spacing above its site, in the collector, heaped up on the ice around, "
+                  "which carries part of it, or afloat in the hole.")
 
 
 def check_series_a_below(study):

@@ -362,8 +362,8 @@ def check_dry_weight(study):
     ratios = [one["ice"] / one["plug_gravity_n"] if one["plug_gravity_n"] > 0.0 else float("inf") for one in found]
     return Result(f"ice force over the raised ice's weight {spread(ratios, '{:.2f}')} in the last 4.5 s",
                   np.mean(ratios), "1", abs(np.mean(ratios) - 1.0) <= 0.1,
-                  "Raised ice: more than one spacing above its site, in the collector or heaped up on the ice around, "
-                  "which carries part of it.")
+                  "Raised ice: more than one spacing above its site, in the collector, heaped up on the ice around, "
+                  "which carries part of it, or afloat in the hole.")
 
 
 def check_series_a_below(study):

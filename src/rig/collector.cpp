@@ -97,10 +97,14 @@ NetPoint Collector::nearestNetPoint(const Eigen::Vector3d& offset_m) const {
   const double x = axis.dot(plan);
   const double y = axis.x() * plan.y() - axis.y() * plan.x();
 
-  // Along the slope (u) and across it (w), clamped to the triangle.
+  // Along the slope (u) and across it (w). Beside the triangle the nearest point lies on the line of an arm.
   const double along = x * slope_cos_ + offset_m.z() * slope_sin_;
-  const double u = std::clamp(along, 0.0, slant_m_);
-  const double w = std::clamp(y, -half_width_ * u, half_width_ * u);
+  double u = std::clamp(along, 0.0, slant_m_);
+  double w = y;
+  if (std::abs(y) > half_width_ * u) {
+    u = std::clamp((along + half_width_ * std::abs(y)) / (1.0 + half_width_ * half_width_), 0.0, slant_m_);
+    w = std::copysign(half_width_ * u, y);
+  }
 
   const auto toFrame = [&](double fx, double fy, double fz) {
     return Eigen::Vector3d(axis.x() * fx - axis.y() * fy, axis.y() * fx + axis.x() * fy, fz);

@@ -38,12 +38,12 @@ void measureBulge(const std::vector<Eigen::Vector3d>& site_m, const std::vector<
 }  // namespace
 
 PlugSummary computePlug(const std::vector<Eigen::Vector3d>& site_m, const std::vector<Eigen::Vector3d>& position_m,
-                        double spacing_m, double particle_mass_kg) {
+                        double spacing_m, double particle_mass_kg, double hub_height_m) {
   PlugSummary plug;
   measureBulge(site_m, position_m, spacing_m, plug);
   std::vector<std::size_t> raised;
   for (std::size_t i = 0; i < position_m.size(); ++i) {
-    if (isRaised(site_m[i], position_m[i], spacing_m)) raised.push_back(i);
+    if (isRaised(site_m[i], position_m[i], spacing_m, hub_height_m)) raised.push_back(i);
   }
   plug.raised_particles = raised.size();
   plug.hole_sites = raised.size();
@@ -72,7 +72,7 @@ PlugSummary computePlug(const std::vector<Eigen::Vector3d>& site_m, const std::v
   for (std::size_t i = 0; i < position_m.size(); ++i) {
     const Eigen::Vector3d& p = position_m[i];
     const auto outside = ((p - low).array() <= -reach) || ((high - p).array() <= -reach);
-    if (outside.head<2>().any() || isRaised(site_m[i], p, spacing_m)) continue;
+    if (outside.head<2>().any() || isRaised(site_m[i], p, spacing_m, hub_height_m)) continue;
     around.push_back(p);
     if (!outside.z()) fillers.push_back(p);
   }

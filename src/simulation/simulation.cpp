@@ -370,7 +370,7 @@ Snapshot Simulation::snapshot() const {
     const Eigen::Vector4f& velocity = world.ice.velocity()[i];
     speed_squared_sum += static_cast<double>(velocity.squaredNorm());
     const Eigen::Vector3d& position = world.ice.position()[i];
-    if (!isRaised(world.site[i], position, world.scenario.field.spacing_m)) continue;
+    if (!isRaised(world.site[i], position, world.scenario.field.spacing_m, world.hubHeight())) continue;
     const float submerged = world.water.submerged(static_cast<float>(position.z()));
     c.plug_gravity_n += static_cast<double>(world.water.weight());
     c.plug_buoyancy_n += static_cast<double>(world.water.buoyancy(submerged));
@@ -414,7 +414,8 @@ ParticleCloud Simulation::particles() const {
 }
 
 PlugSummary Simulation::plug() const {
-  return computePlug(impl_->site, impl_->ice.position(), impl_->scenario.field.spacing_m, impl_->ice.particleMass());
+  return computePlug(impl_->site, impl_->ice.position(), impl_->scenario.field.spacing_m, impl_->ice.particleMass(),
+                     impl_->hubHeight());
 }
 
 std::uint64_t Simulation::stateHash() const {

@@ -156,5 +156,36 @@ TEST(Collector, DroopingArmsFloatAsFarAsTheyReachIntoTheWater) {
   EXPECT_NEAR(collector.buoyancy(0.0, 1000.0), full, 1e-9);
 }
 
+TEST(Collector, NoPlaceOnTheNetIsNearerThanTheNearest) {
+  // Folded, half open and unfolded: beside a facet the nearest place lies on an arm.
+  for (const double target : {0.0, 0.5, 1.0}) {
+    Collector collector(CollectorConfig(), false);
+    run(collector, target, 0.0, 10.0 * target + 0.1);
+    std::mt19937_64 generator(7);
+    std::uniform_real_distribution<double> any(-1.6, 1.6), share(0.0, 1.0);
+    for (int point = 0; point < 300; ++point) {
+      const Eigen::Vector3d offset(any(generator), any(generator), any(generator));
+      const NetPoint nearest = collector.nearestNetPoint(offset);
+      // The facet is a triangle of hub and two arm tips; each of its places is a blend of the tips.
+      const double azimuth = std::atan2(offset.y(), offset.x()) * kArmCount / (2.0 * M_PI);
+      const int first = (static_cast<int>(std::floor(azimuth)) + kArmCount) % kArmCount;
+      const Eigen::Vector3d a = collector.armTip(first), b = collector.armTip((first + 1) % kArmCount);
+      double best = offset.norm();
+      for (int k = 0; k < 4000; ++k) {
+        double p = share(generator), q = share(generator);
+        if (p + q > 1.0) p = 1.0 - p, q = 1.0 - q;
+        best = std::min(best, (offset - p * a - q * b).norm());
+      }
+      for (int k = 0; k <= 2000; ++k) {
+        const double along = k / 2000.0;
+        best = std::min(
+            {best, (offset - along * a).norm(), (offset - along * b).norm(), (offset - a - along * (b - a)).norm()});
+      }
+      EXPECT_LE((offset - nearest.offset_m).norm(), best + 1e-9) << offset.transpose();
+      EXPECT_NEAR((offset - nearest.offset_m).norm(), best, 0.02) << offset.transpose();
+    }
+  }
+}
+
 }  // namespace
 }  // namespace brash_ice_rig

@@ -7,7 +7,7 @@
 namespace brash_ice_rig {
 namespace {
 
-constexpr double kSpacing = 0.3, kMass = 10.0;
+constexpr double kSpacing = 0.3, kMass = 10.0, kHub = -1.0;
 
 /// 9 x 9 columns of two layers, at and below the waterline.
 std::vector<Eigen::Vector3d> sites() {
@@ -19,7 +19,7 @@ std::vector<Eigen::Vector3d> sites() {
 }
 
 TEST(Plug, IsEmptyInAnUndisturbedField) {
-  const PlugSummary plug = computePlug(sites(), sites(), kSpacing, kMass);
+  const PlugSummary plug = computePlug(sites(), sites(), kSpacing, kMass, kHub);
   EXPECT_EQ(plug.raised_particles, 0u);
   EXPECT_EQ(plug.lifted_mass_kg, 0.0);
   EXPECT_EQ(plug.hole_refill_ratio, 0.0);
@@ -33,7 +33,7 @@ TEST(Plug, CountsMassAndRadiiOfARaisedColumn) {
     if (p.z() == 0.0) ++columns;
     p.z() += 0.6;
   }
-  const PlugSummary plug = computePlug(sites(), moved, kSpacing, kMass);
+  const PlugSummary plug = computePlug(sites(), moved, kSpacing, kMass, kHub);
   EXPECT_EQ(plug.raised_particles, 2 * columns);
   EXPECT_NEAR(plug.lifted_mass_kg, 20.0 * static_cast<double>(columns), 1e-9);
   EXPECT_NEAR(plug.radius_at_top_m, kSpacing * std::sqrt(static_cast<double>(columns) / M_PI), 1e-9);
@@ -52,12 +52,29 @@ TEST(Plug, HoleIsRefilledByNeighboursNotByThePlugItself) {
     }
   }
   ASSERT_EQ(lifted.size(), 2u);
-  EXPECT_EQ(computePlug(original, moved, kSpacing, kMass).hole_refill_ratio, 0.0);
+  EXPECT_EQ(computePlug(original, moved, kSpacing, kMass, kHub).hole_refill_ratio, 0.0);
   // One neighbour slides into the lower site.
   for (std::size_t i = 0; i < moved.size(); ++i) {
     if ((original[i] - Eigen::Vector3d(kSpacing, 0.0, -kSpacing)).norm() < 1e-9) moved[i].x() -= 0.25;
   }
-  EXPECT_DOUBLE_EQ(computePlug(original, moved, kSpacing, kMass).hole_refill_ratio, 0.5);
+  EXPECT_DOUBLE_EQ(computePlug(original, moved, kSpacing, kMass, kHub).hole_refill_ratio, 0.5);
+}
+
+TEST(Plug, IceThatFloatsUpBelowTheHubIsNotRaisedButFillsTheHole) {
+  const auto original = sites();
+  auto moved = original;
+  for (std::size_t i = 0; i < moved.size(); ++i) {
+    if (original[i].head<2>().norm() < 0.1) moved[i].z() += 2.0;
+    // A neighbour of the lower layer floats up into the upper site of the hole.
+    if ((original[i] - Eigen::Vector3d(kSpacing, 0.0, -kSpacing)).norm() < 1e-9) {
+      moved[i] += Eigen::Vector3d(-kSpacing, 0.0, 1.1 * kSpacing);
+    }
+  }
+  const PlugSummary plug = computePlug(original, moved, kSpacing, kMass, 1.5);
+  EXPECT_EQ(plug.raised_particles, 2u);
+  EXPECT_EQ(plug.hole_refill_ratio, 0.5);
+  EXPECT_EQ(plug.hole_cover_ratio, 1.0);
+  EXPECT_EQ(computePlug(original, moved, kSpacing, kMass, kHub).raised_particles, 3u);
 }
 
 TEST(Plug, HoleIsCoveredWhereAnyLayerOfNeighboursLiesInItsColumn) {
@@ -69,14 +86,14 @@ TEST(Plug, HoleIsCoveredWhereAnyLayerOfNeighboursLiesInItsColumn) {
     if (std::abs(site.x()) > 0.1 || std::abs(site.y()) > 0.4) continue;
     if (site.y() > -0.1 || site.z() == 0.0) moved[i].z() += 1.0;
   }
-  EXPECT_EQ(computePlug(original, moved, kSpacing, kMass).hole_cover_ratio, 0.0);
+  EXPECT_EQ(computePlug(original, moved, kSpacing, kMass, kHub).hole_cover_ratio, 0.0);
   // A neighbour slides over one of the two, in a depth where no site was.
   for (std::size_t i = 0; i < moved.size(); ++i) {
     if ((original[i] - Eigen::Vector3d(kSpacing, kSpacing, 0.0)).norm() < 1e-9) {
       moved[i] += Eigen::Vector3d(-0.25, 0.0, 0.2);
     }
   }
-  const PlugSummary plug = computePlug(original, moved, kSpacing, kMass);
+  const PlugSummary plug = computePlug(original, moved, kSpacing, kMass, kHub);
   EXPECT_EQ(plug.hole_cover_ratio, 0.5);
   EXPECT_EQ(plug.hole_refill_ratio, 0.0);
 }
@@ -91,7 +108,7 @@ TEST(Plug, BulgeIsTheRiseOfTheTopLayerOnly) {
     if (top && distance < 0.7) moved[i].z() += 0.2;  // less than a spacing: nothing is raised yet
     if (top && distance > 1.2) moved[i].z() -= 0.1;
   }
-  const PlugSummary plug = computePlug(original, moved, kSpacing, kMass);
+  const PlugSummary plug = computePlug(original, moved, kSpacing, kMass, kHub);
   EXPECT_EQ(plug.raised_particles, 0u);
   EXPECT_DOUBLE_EQ(plug.bulge_height_m, 0.2);
   EXPECT_DOUBLE_EQ(plug.bulge_radius_m, std::hypot(0.6, 0.3));  // the farthest of the lattice within 0.7 m
@@ -104,7 +121,7 @@ TEST(Plug, BulgeReachesToWhereTheSurfaceHasRisenByATenthOfTheSpacing) {
   for (std::size_t i = 0; i < moved.size(); ++i) {
     moved[i].z() += std::max(0.0, 0.1 - 0.1 * original[i].head<2>().norm());
   }
-  const PlugSummary plug = computePlug(original, moved, kSpacing, kMass);
+  const PlugSummary plug = computePlug(original, moved, kSpacing, kMass, kHub);
   EXPECT_DOUBLE_EQ(plug.bulge_height_m, 0.1);
   // 0.03 m is reached at 0.7 m; the columns beside it stand at 0.671 and 0.849 m.
   EXPECT_DOUBLE_EQ(plug.bulge_radius_m, std::hypot(0.6, 0.3));
@@ -113,7 +130,7 @@ TEST(Plug, BulgeReachesToWhereTheSurfaceHasRisenByATenthOfTheSpacing) {
 TEST(Plug, SunkenSurfaceHasNoBulge) {
   auto moved = sites();
   for (auto& p : moved) p.z() -= 0.1;
-  const PlugSummary plug = computePlug(sites(), moved, kSpacing, kMass);
+  const PlugSummary plug = computePlug(sites(), moved, kSpacing, kMass, kHub);
   EXPECT_EQ(plug.bulge_height_m, 0.0);
   EXPECT_EQ(plug.bulge_radius_m, 0.0);
 }
@@ -128,7 +145,7 @@ TEST(Plug, TopLayerIsWholeUnderTheLargestJitter) {
   }
   auto moved = original;
   for (auto& p : moved) p.z() += p.z() > -0.5 * kSpacing ? 0.05 : 0.09;
-  const PlugSummary plug = computePlug(original, moved, kSpacing, kMass);
+  const PlugSummary plug = computePlug(original, moved, kSpacing, kMass, kHub);
   EXPECT_NEAR(plug.bulge_height_m, 0.05, 1e-12) << "0.09: the layer below was taken for the surface";
   EXPECT_NEAR(plug.bulge_radius_m, std::hypot(1.2, 1.2), 1e-12) << "part of the surface was left out";
 }

@@ -92,7 +92,7 @@ TEST(ChildProcess, WaitEndsAtItsTimeoutOrWhenAsked) {
 TEST(ChildProcess, DoesNotOutliveItsOwner) {
   pid_t id = 0;
   {
-    const ChildProcess child(shell("trap '' TERM; sleep 600"));
+    const ChildProcess child(shell("trap '' TERM; exec sleep 600"));
     id = child.id();
     ASSERT_EQ(kill(id, 0), 0);
   }

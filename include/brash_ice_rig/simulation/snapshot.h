@@ -46,7 +46,8 @@ struct RigState {
   bool locked = true;
 };
 
-/// The ice that the collector has raised by more than one spacing, and the bulge of the surface above it.
+/// The ice over the collector's hub that has been raised by more than one spacing, and the bulge of the surface above
+/// it.
 struct PlugSummary {
   double lifted_mass_kg = 0.0;
   std::size_t raised_particles = 0;

@@ -123,6 +123,8 @@ CapModel::CapModel(const CapParameters& parameters)
     gap_ = state_names_.size();
     state_names_.push_back("gap");
   }
+  root_elastic_ =
+      std::sqrt(9.0 * p.bulk_modulus_pa * p.shear_modulus_pa / (3.0 * p.bulk_modulus_pa + p.shear_modulus_pa));
   if (p.damages) {
     damage_ = state_names_.size();
     state_names_.push_back("damage");
@@ -303,12 +305,9 @@ double CapModel::degradeStress(const MaterialBatch& batch, std::size_t i, const 
   // A crack that is still open carries no shear either.
   const bool tensile = invariants.j1 < 0.0 || (parameters_.gap_memory && batch.state[gap_][i] > 0.0f);
   float& threshold = tensile ? brittle_threshold : ductile_threshold;
-  double measure = 0.0, strongest = 0.0;
+  double measure = 0.0;
   if (tensile) {
-    const double bulk = parameters_.bulk_modulus_pa, shear = parameters_.shear_modulus_pa;
-    const double root = std::sqrt(9.0 * bulk * shear / (3.0 * bulk + shear));
-    measure = root * largestPrincipal(e);
-    strongest = largestPrincipal(undamaged) / root;
+    measure = root_elastic_ * largestPrincipal(e);
   } else {
     double product = 0.0;
     for (std::size_t c = 0; c < kComponents; ++c) product += (c < 3 ? 1.0 : 2.0) * undamaged[c] * e[c];
@@ -319,6 +318,7 @@ double CapModel::degradeStress(const MaterialBatch& batch, std::size_t i, const 
   if (threshold != 0.0f && growth > 0.0) {
     const double energy = softening_.fractureEnergy(invariants.j1, invariants.s);
     if (tensile) {
+      const double strongest = largestPrincipal(undamaged) / root_elastic_;
       const double step = softening_.brittleRate(strongest, energy) * growth;
       raise(brittle, Softening::kMaxDamage * Softening::damage(step, parameters_.damage.brittle_shape));
     } else {

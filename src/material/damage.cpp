@@ -35,21 +35,20 @@ Softening::Softening(const DamageParameters& parameters) : parameters_(parameter
 }
 
 double Softening::fractureEnergy(double j1_pa, double s_pa) const {
-  constexpr double kCompressionExponent = 5.0;
   const DamageParameters& p = parameters_;
   const double deviatoric = std::sqrt(3.0) * s_pa;
   const double ratio = std::abs(j1_pa) >= deviatoric ? 1.0 : std::abs(j1_pa) / deviatoric;
-  if (j1_pa > 0.0) {
-    return p.fracture_energy_shear_jpm2 +
-           std::pow(ratio, kCompressionExponent) * (p.fracture_energy_compression_jpm2 - p.fracture_energy_shear_jpm2);
-  }
-  return p.fracture_energy_shear_jpm2 + ratio * (p.fracture_energy_tension_jpm2 - p.fracture_energy_shear_jpm2);
+  const double shear = p.fracture_energy_shear_jpm2;
+  if (j1_pa <= 0.0) return shear + ratio * (p.fracture_energy_tension_jpm2 - shear);
+  const double fifth_power = ratio * ratio * ratio * ratio * ratio;
+  return shear + fifth_power * (p.fracture_energy_compression_jpm2 - shear);
 }
 
 double Softening::maxDuctileDamage(double j1_pa, double s_pa) {
-  constexpr double kExponent = 1.5;
   const double deviatoric = std::sqrt(3.0) * s_pa;
-  return deviatoric >= j1_pa ? kMaxDamage : std::min(kMaxDamage, std::pow(deviatoric / j1_pa, kExponent));
+  if (deviatoric >= j1_pa) return kMaxDamage;
+  const double ratio = deviatoric / j1_pa;
+  return std::min(kMaxDamage, ratio * std::sqrt(ratio));
 }
 
 double Softening::ductileRate(double threshold, double fracture_energy_jpm2) const {

@@ -131,6 +131,7 @@ class CapModel : public Material {
   // Constants of the surface. The cap keeps its shape as it moves: X - L is proportional to X + alpha / theta, and
   // the neutral point, where flow neither compacts nor dilates, sits at one t.
   double apex_;           // alpha / theta, Pa: the cone ends at J1 = -apex
+  double root_elastic_;   // sqrt(E), sqrt(Pa)
   double width_ratio_;    // (X - L) / (X + apex)
   double neutral_;        // t of the neutral point
   double tangent_onset_;  // e at which the tangent replaces eq. 12

@@ -87,6 +87,20 @@ def write_csv(findings, path):
             writer.writerow([finding.id, finding.section, finding.figure, value, finding.unit, finding.verdict])
 
 
+def write_markdown(findings, path):
+    """The table of doc/validation.md."""
+    def cell(text):
+        return text.replace("|", "\\|")
+
+    with open(path, "w", newline="\n", encoding="utf-8") as stream:
+        stream.write("| section | the paper | here | verdict | rule; remark |\n|---|---|---|---|---|\n")
+        for finding in findings:
+            verdict = f"**{finding.verdict}**" if finding.verdict == DIFFERS else finding.verdict
+            remark = "; ".join(part for part in (finding.rule, finding.reason) if part)
+            stream.write(f"| {finding.section} | {cell(finding.statement)} | {cell(finding.figure) or '–'} | {verdict} | "
+                         f"{cell(remark)} |\n")
+
+
 # ------------------------------------------------------------------------------------------------------------- helpers
 
 

@@ -359,6 +359,17 @@ class ReportPage(unittest.TestCase):
             count = sum(row["verdict"] == verdict for row in rows)
             self.assertEqual(table.count(f">{verdict}</span>"), count, verdict)
 
+    def test_findings_as_markdown_have_a_row_per_statement(self):
+        lines = self.read("findings.md").splitlines()
+        self.assertEqual(len(lines), 2 + len(paper_findings.STATEMENTS))
+        self.assertEqual({line.replace("\\|", "").count("|") for line in lines}, {6})
+
+    def test_the_validation_guide_has_a_row_for_each_statement(self):
+        with open(os.path.join(SOURCE_DIR, "doc", "validation.md"), encoding="utf-8") as stream:
+            guide = stream.read()
+        for claim in paper_findings.STATEMENTS:
+            self.assertRegex(guide, rf"(?m)^\| {re.escape(claim.section)} \| {re.escape(claim.text)} \| ")
+
 
 class ReportProgram(TemporaryStudy):
     def run_script(self, *arguments, hash_seed="0"):

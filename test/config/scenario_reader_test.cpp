@@ -72,6 +72,28 @@ TEST(ShippedSimulations, EachLoadsOverThePullUp) {
   EXPECT_EQ(titles.size(), files.size());
 }
 
+TEST(ShippedIceSets, RecommendedIsTheDefaultAndPaperLiteralHasNoGapMemory) {
+  ASSERT_EQ(shippedFiles("config/ice").size(), 2u);
+  const KeyLister plain{loadScenario({pullUp(), {}, {}})};
+  const KeyLister recommended{loadScenario({pullUp(), {sourceFile("config/ice/recommended.yaml")}, {}})};
+  EXPECT_EQ(recommended.values, plain.values);
+  KeyLister literal{loadScenario({pullUp(), {sourceFile("config/ice/paper_literal.yaml")}, {}})};
+  EXPECT_EQ(literal.values.at("ice.model"), "paper_literal");
+  EXPECT_EQ(literal.values.at("ice.gap_memory"), "false");
+  EXPECT_EQ(literal.values.at("ice.damage"), "true");
+  literal.values["ice.model"] = plain.values.at("ice.model");
+  literal.values["ice.gap_memory"] = plain.values.at("ice.gap_memory");
+  EXPECT_EQ(literal.values, plain.values);
+}
+
+TEST(ShippedIceSets, LieOverEachSimulation) {
+  for (const std::string& simulation : shippedFiles("config/simulations")) {
+    for (const std::string& set : shippedFiles("config/ice")) {
+      EXPECT_NO_THROW(loadScenario({pullUp(), {simulation, set}, {}})) << simulation << ", " << set;
+    }
+  }
+}
+
 TEST(ShippedScenarios, PullUpGivesEachKeyAndTheDefaultsAreItsValues) {
   const std::string path = pullUp();
   const YAML::Node file = YAML::LoadFile(path);

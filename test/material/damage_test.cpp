@@ -10,39 +10,29 @@
 #include <string>
 #include <vector>
 
-#include "brash_ice_rig/ice/ice_scaling.h"
 #include "brash_ice_rig/material/cap_model.h"
 #include "element.h"
+#include "set_one.h"
 
 namespace brash_ice_rig {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 
-/// Simulation B-1: Table 6, and the fracture energies of Table 7; moduli at a thousandth of their stiffness.
-CapParameters simulationB1(double element_length_m = 0.3, bool gap_memory = false) {
-  const ElasticModuli moduli = computeElasticModuli(0.901e6, 0.3);
-  CapParameters p;
-  p.alpha_pa = 200.0;
-  p.theta = 0.396;
-  p.aspect_ratio = 8.957;
-  p.initial_intercept_pa = 2000.0;
-  p.max_compaction = 0.093;
-  p.d1_per_pa = 86.0e-6;
-  p.d2_per_pa2 = 0.03e-12;
-  p.bulk_modulus_pa = moduli.bulk_pa;
-  p.shear_modulus_pa = moduli.shear_pa;
-  p.gap_memory = gap_memory;
-  p.damages = true;
-  p.damage.element_length_m = element_length_m;
-  return p;
+/// With damage: the fracture energies of Table 7, column B, are the defaults.
+CapParameters withDamage(CapParameters parameters, double element_length_m, bool gap_memory = false) {
+  parameters.damages = true;
+  parameters.damage.element_length_m = element_length_m;
+  parameters.gap_memory = gap_memory;
+  return parameters;
 }
 
-/// The same with the cap out of reach, so that the cone alone is tested.
+CapParameters simulationB1(double element_length_m = 0.3, bool gap_memory = false) {
+  return withDamage(setOne(), element_length_m, gap_memory);
+}
+
 CapParameters coneOfB1(double element_length_m = 0.3) {
-  CapParameters p = simulationB1(element_length_m);
-  p.initial_intercept_pa = 1.0e8;
-  return p;
+  return withDamage(coneOfSetOne(), element_length_m);
 }
 
 /// Uniaxial test without lateral stress. Work per volume, J/m³, from the peak of the stress on.

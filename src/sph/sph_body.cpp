@@ -15,6 +15,9 @@ constexpr std::size_t kTile = 128;
 /// A pair closer than this to the edge of the support has no measurable weight, and its viscosity factor overflows.
 constexpr double kSupportMargin = 1.0e-4;
 
+/// Change of volume that counts as a move, ratio.
+constexpr float kVolumeChange = 0.002f;
+
 /// Turns a symmetric tensor with the spin w of one step: t + w t - t w, written out by component.
 /// @param tensor  its six arrays, in the order of material.h
 void rotate(std::vector<float>* tensor, std::size_t i, float wxy, float wyz, float wzx) {
@@ -47,6 +50,10 @@ SphBody::SphBody(const SphSettings& settings, const Material& material, const st
   correction_.assign(count, Matrix43f::Zero());
   gradient_sum_.assign(count, Eigen::Vector4f::Zero());
   cached_volume_ = volume_;
+  reference_ = position_;
+  moved_.assign(count, 0);
+  listed_.assign(count, 0);
+  due_.reserve(count);
   smoothing_length_.assign(count, settings.smoothing_length_m);
 }
 
@@ -59,44 +66,68 @@ void SphBody::setStress(std::size_t i, const std::array<float, kComponents>& str
 }
 
 void SphBody::updateGradients() {
+  const double distance_squared = settings_.refresh_distance_m * settings_.refresh_distance_m;
+#pragma omp for schedule(static)
+  for (std::size_t i = 0; i < size(); ++i) {
+    moved_[i] = (position_[i] - reference_[i]).squaredNorm() >= distance_squared ||
+                std::abs(volume_[i] - cached_volume_[i]) > kVolumeChange * cached_volume_[i];
+  }
 #pragma omp single
   {
-    // Two particles approach each other by at most twice the way of the faster one.
-    const double approach = 2.0 * (travelled_since_search_ + travelled_);
+    due_.clear();
+    for (std::size_t i = 0; i < size(); ++i) {
+      if (moved_[i] != 0) takeReference(i);
+    }
+    // Two particles approach each other by at most twice the way of the faster one. The skin is also used up where
+    // supports have grown.
     const bool first = candidates_.row_begin.empty();
-    refresh_due_ = first || approach >= settings_.skin_m || travelled_ >= settings_.refresh_distance_m;
-    if (refresh_due_) {
-      cached_volume_ = volume_;
-      const double longest = updateSmoothingLengths();
-      // The skin is also used up where supports have grown.
-      if (first || approach + 2.0 * (longest - longest_at_search_) >= settings_.skin_m) {
-        findNeighbours(position_, 2.0 * longest + settings_.skin_m, candidates_);
-        pair_.resize(candidates_.index.size());
-        neighbour_.resize(candidates_.index.size());
-        longest_at_search_ = longest;
-        travelled_since_search_ = 0.0;
-      } else {
-        travelled_since_search_ += travelled_;
-      }
-      travelled_ = 0.0;
+    if (first || 2.0 * travelled_ + 2.0 * (longest_ - longest_at_search_) >= settings_.skin_m) {
+      search();
+    } else {
+      listDueRows();
     }
   }
-  if (!refresh_due_) return;
 #pragma omp for schedule(static)
-  for (std::size_t i = 0; i < size(); ++i) refreshRow(i);
+  for (std::size_t k = 0; k < due_.size(); ++k) refreshRow(due_[k]);
 }
 
-/// @return the largest, m
-double SphBody::updateSmoothingLengths() {
-  if (!settings_.variable_smoothing_length) return settings_.smoothing_length_m;
+/// Gradients see the particle where it is now.
+void SphBody::takeReference(std::size_t i) {
+  reference_[i] = position_[i];
+  cached_volume_[i] = volume_[i];
+  if (!settings_.variable_smoothing_length) return;
   const auto rest_volume = static_cast<double>(static_cast<float>(settings_.particle_volume_m3));
-  double longest = 0.0;
+  smoothing_length_[i] =
+      settings_.smoothing_length_m * smoothingGrowth(static_cast<double>(cached_volume_[i]) / rest_volume);
+  longest_ = std::max(longest_, smoothing_length_[i]);
+}
+
+void SphBody::search() {
+  longest_ = settings_.variable_smoothing_length ? 0.0 : settings_.smoothing_length_m;
+  for (std::size_t i = 0; i < size(); ++i) takeReference(i);
+  findNeighbours(reference_, 2.0 * longest_ + settings_.skin_m, candidates_);
+  pair_.resize(candidates_.index.size());
+  neighbour_.resize(candidates_.index.size());
+  longest_at_search_ = longest_;
+  travelled_ = 0.0;
+  due_.resize(size());
+  for (std::size_t i = 0; i < size(); ++i) due_[i] = i;
+}
+
+/// A row depends on the references of its particle and of its neighbours alone: both rows of a pair hold the same
+/// gradient at any time, whichever of them was refreshed.
+void SphBody::listDueRows() {
+  std::fill(listed_.begin(), listed_.end(), 0);
   for (std::size_t i = 0; i < size(); ++i) {
-    const double volume_ratio = static_cast<double>(cached_volume_[i]) / rest_volume;
-    smoothing_length_[i] = settings_.smoothing_length_m * smoothingGrowth(volume_ratio);
-    longest = std::max(longest, smoothing_length_[i]);
+    if (moved_[i] == 0) continue;
+    listed_[i] = 1;
+    for (std::size_t c = candidates_.row_begin[i]; c < candidates_.row_begin[i + 1]; ++c) {
+      listed_[static_cast<std::size_t>(candidates_.index[c])] = 1;
+    }
   }
-  return longest;
+  for (std::size_t i = 0; i < size(); ++i) {
+    if (listed_[i] != 0) due_.push_back(i);
+  }
 }
 
 void SphBody::refreshRow(std::size_t i) {
@@ -108,7 +139,7 @@ void SphBody::refreshRow(std::size_t i) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (std::size_t c = begin; c < candidates_.row_begin[i + 1]; ++c) {
     const auto j = static_cast<std::size_t>(candidates_.index[c]);
-    const Eigen::Vector3d offset = position_[i] - position_[j];
+    const Eigen::Vector3d offset = reference_[i] - reference_[j];
     const double distance_squared = offset.squaredNorm();
     const double h = 0.5 * (smoothing_length_[i] + smoothing_length_[j]);  // of equal ones: exactly that one
     const CubicSpline kernel{h};

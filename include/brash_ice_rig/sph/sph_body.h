@@ -28,7 +28,7 @@ struct SphSettings {
   double volume_ratio_limit = 1.5;    ///< V / V_0 stays within 1/this .. this
   double determinant_limit = 0.1;     ///< below: no gradient correction
   double skin_m = 0.045;              ///< margin of the neighbour search
-  double refresh_distance_m = 0.003;  ///< gradients are recomputed once a particle may have moved this far
+  double refresh_distance_m = 0.003;  ///< gradients are recomputed around a particle that has moved this far
   /// Each particle's h follows its volume by smoothingGrowth().
   bool variable_smoothing_length = false;
 };
@@ -41,7 +41,8 @@ struct SphSettings {
 /// Pair forces are antisymmetric, so that linear momentum is conserved, and the force is the virtual-work adjoint of L,
 /// so that angular momentum and energy are.
 ///
-/// Gradients, B and the volumes in them are cached and refreshed by distance travelled, not by step count.
+/// Gradients, B and the volumes in them are cached. They see a particle at its reference, where it was when it had last
+/// moved a given distance, so that only rows with a neighbour on the move are computed anew.
 /// Each particle gathers from its neighbours in a fixed order: results do not depend on the number of threads.
 ///
 /// Functions marked "team" are called by every thread of an OpenMP team together; from a single thread they work too.
@@ -153,7 +154,9 @@ class SphBody {
     Eigen::Vector4f viscosity;  ///< viscous force over V_i
   };
   Gathered gather(std::size_t i) const;
-  double updateSmoothingLengths();
+  void takeReference(std::size_t i);
+  void search();
+  void listDueRows();
   void refreshRow(std::size_t i);
   void updateRange(std::size_t begin, std::size_t end, float time_step_s);
 
@@ -171,7 +174,8 @@ class SphBody {
   AlignedVector<Matrix43f> corrected_stress_;  ///< sigma_i B_i, row w = 0
   AlignedVector<Eigen::Vector4f> viscosity_;   ///< viscous force over V_i, w = 0
 
-  // Cache, valid since the last refresh.
+  // Cache, a function of the references alone.
+  std::vector<Eigen::Vector3d> reference_;
   NeighbourList candidates_;  ///< within the longest support + skin
   /// grad W_ij times V_j in x, y, z; in w the factor Q that turns (dv . g) g into the viscous force. One per candidate,
   /// the first row_count_[i] of a row are in use.
@@ -183,10 +187,11 @@ class SphBody {
   std::vector<float> cached_volume_;
   std::vector<double> smoothing_length_;  ///< h_i
 
-  double longest_at_search_ = 0.0;  ///< largest h_i when candidates_ were found
-  double travelled_ = 0.0;          ///< upper bound of any particle's way since the last refresh
-  double travelled_since_search_ = 0.0;
-  bool refresh_due_ = true;
+  std::vector<char> moved_, listed_;  ///< per particle: has left its reference; its row is due
+  std::vector<std::size_t> due_;      ///< rows to refresh in this step
+
+  double longest_ = 0.0, longest_at_search_ = 0.0;  ///< largest h_i since candidates_ were found, and when
+  double travelled_ = 0.0;                          ///< upper bound of any particle's way since then
 
   float fastest_squared_ = 0.0f;
   bool sound_ = true;

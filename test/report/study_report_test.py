@@ -360,7 +360,8 @@ class ReportPage(unittest.TestCase):
             self.assertEqual(table.count(f">{verdict}</span>"), count, verdict)
 
     def test_findings_as_markdown_have_a_row_per_statement(self):
-        lines = self.read("findings.md").splitlines()
+        with open(os.path.join(self.directory, "findings.md"), encoding="utf-8") as stream:
+            lines = stream.read().splitlines()
         self.assertEqual(len(lines), 2 + len(paper_findings.STATEMENTS))
         self.assertEqual({line.replace("\\|", "").count("|") for line in lines}, {6})
 

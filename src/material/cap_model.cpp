@@ -285,7 +285,7 @@ CapModel::Returned CapModel::returnToSurface(const Invariants& trial, double she
   return {{kNan, kNan}, 0.0};
 }
 
-/// Damage of the stress law after a step, and the share of the stress that it leaves.
+/// Damage after a step, and the share of the stress that it leaves.
 /// @param undamaged   stress on the surface or within
 /// @param shears      whether this step flowed on the shear surface, i.e. without compaction
 double CapModel::degradeStress(const MaterialBatch& batch, std::size_t i, const double* undamaged,

@@ -28,8 +28,6 @@ class Softening {
   /// Parameters outside their ranges are a bug of the caller (assert).
   explicit Softening(const DamageParameters& parameters);
 
-  const DamageParameters& parameters() const { return parameters_; }
-
   /// Fracture energy between the three tests that it is measured in, J/m²: from shear to tension in proportion to
   /// -J1 / sqrt(3 J2), from shear to compression with the fifth power of J1 / sqrt(3 J2) (the exponents pwrt = 1 and
   /// pwrc = 5 that Murray recommends). Beyond 1 the ratio counts as 1.

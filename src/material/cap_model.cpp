@@ -85,6 +85,7 @@ CapParameters makeCapParameters(const IceConfig& ice, double stiffness_scale, do
   result.d2_per_pa2 = ice.cap_hardening_quadratic_per_pa2;
   result.bulk_modulus_pa = moduli.bulk_pa;
   result.shear_modulus_pa = moduli.shear_pa;
+  result.stiffness_scale = stiffness_scale;
   result.flow_rule = ice.flow_rule;
   result.three_invariant = ice.three_invariant;
   result.gap_memory = ice.gap_memory;
@@ -106,7 +107,7 @@ CapModel::CapModel(const CapParameters& parameters)
   const CapParameters& p = parameters_;
   assert(p.alpha_pa > 0.0 && p.theta > 0.0 && p.aspect_ratio > 0.0 && p.initial_intercept_pa > 0.0);
   assert(p.max_compaction > 0.0 && p.max_compaction < 1.0 && p.d1_per_pa > 0.0 && p.d2_per_pa2 >= 0.0);
-  assert(p.bulk_modulus_pa > 0.0 && p.shear_modulus_pa > 0.0);
+  assert(p.bulk_modulus_pa > 0.0 && p.shear_modulus_pa > 0.0 && p.stiffness_scale > 0.0);
   apex_ = p.alpha_pa / p.theta;
   width_ratio_ = p.aspect_ratio * p.theta / (1.0 + p.aspect_ratio * p.theta);
   // Associated: the top of F_f sqrt(F_c), root of 2 theta t² + t / R - theta. Non-associated: where the cap starts.
@@ -123,8 +124,8 @@ CapModel::CapModel(const CapParameters& parameters)
     gap_ = state_names_.size();
     state_names_.push_back("gap");
   }
-  root_elastic_ =
-      std::sqrt(9.0 * p.bulk_modulus_pa * p.shear_modulus_pa / (3.0 * p.bulk_modulus_pa + p.shear_modulus_pa));
+  root_elastic_ = std::sqrt(9.0 * p.bulk_modulus_pa * p.shear_modulus_pa /
+                            ((3.0 * p.bulk_modulus_pa + p.shear_modulus_pa) * p.stiffness_scale));
   if (p.damages) {
     damage_ = state_names_.size();
     state_names_.push_back("damage");
@@ -295,11 +296,15 @@ double CapModel::degradeStress(const MaterialBatch& batch, std::size_t i, const 
   float& ductile = batch.state[damage_ + 2][i];
   float& brittle_threshold = batch.state[damage_ + 3][i];
   float& ductile_threshold = batch.state[damage_ + 4][i];
+  // The part of the elastic strain that is there only because the modulus is scaled.
+  const double excess = 1.0 - parameters_.stiffness_scale;
+  const double excess_shear = 0.5 * excess / parameters_.shear_modulus_pa;
+  const double excess_volume = invariants.j1 * (excess_shear / 3.0 - excess / (9.0 * parameters_.bulk_modulus_pa));
   double e[kComponents];
   for (std::size_t c = 0; c < kComponents; ++c) {
     float& total = batch.state[damage_ + 5 + c][i];
     total = toFloat(static_cast<double>(total) + static_cast<double>(batch.strain_increment[c][i]));
-    e[c] = static_cast<double>(total);
+    e[c] = static_cast<double>(total) - excess_shear * undamaged[c] - (c < 3 ? excess_volume : 0.0);
   }
 
   // A crack that is still open carries no shear either.

@@ -164,6 +164,28 @@ TEST(Damage, NeverHealsAndStaysBelowOne) {
   }
 }
 
+// The modulus is scaled down to save time. Ice of 1 kPa at a thousandth of its modulus shortens by 0.6 % before it
+// yields, more than the 0.3 % over which it then breaks: only what is left of that at the ice's own modulus may count.
+TEST(Damage, DoesNotDependOnTheScalingOfTheModulus) {
+  IceConfig ice;
+  ice.cohesion_pa = 1000.0;
+  ice.gap_memory = false;
+  ice.cap_initial_intercept_pa = 1.0e8;
+  for (const double direction : {1.0, -1.0}) {
+    std::vector<double> damages;
+    for (const double scale : {1.0, 1e-2, 1e-3}) {
+      const CapModel model(makeCapParameters(ice, scale, 0.3));
+      Element element(model);
+      while (element.state("plastic_strain") < 1.0e-3)
+        element.strainAxially(direction * (scale < 1.0 ? 1e-6 : 1e-7), 0.0);
+      damages.push_back(element.state("damage"));
+    }
+    EXPECT_GT(damages[0], 0.2);
+    EXPECT_LT(damages[0], 0.98);
+    for (const double damage : damages) EXPECT_NEAR(damage, damages[0], 0.02) << "direction " << direction;
+  }
+}
+
 TEST(Damage, BelowTheSurfaceThereIsNone) {
   const CapModel model(simulationB1());
   Element element(model);

@@ -21,6 +21,7 @@ struct CapParameters {
   double d2_per_pa2 = 0.0;            ///< D2 of eq. 12, 1/Pa², ≥ 0
   double bulk_modulus_pa = 0.0;       ///< K of eq. 6, Pa, > 0
   double shear_modulus_pa = 0.0;      ///< G of eq. 6, Pa, > 0
+  double stiffness_scale = 1.0;       ///< these moduli over the ice's own, > 0
   FlowRule flow_rule = FlowRule::kAssociated;
   bool three_invariant = false;  ///< strength depends on the Lode angle (eq. 11)
   bool gap_memory = false;       ///< an opened gap must close before pressure returns
@@ -50,9 +51,10 @@ CapParameters makeCapParameters(const IceConfig& ice, double stiffness_scale, do
 ///
 /// Damage (Murray 2007). The surface above holds for the undamaged stress; the stress is (1 - d) of it. Ductile damage
 /// grows while the mean stress is compressive, with tau_c = sqrt(stress : strain / 2); brittle damage while it is
-/// tensile, with tau_t = sqrt(E) times the largest principal strain, stress undamaged and strain total. Each starts
-/// where flow without compaction is first met. Neither heals, but brittle damage has no part in compression: a crack
-/// that closes carries pressure. (1 - d) of a frictional stress takes away cohesion and stiffness, not friction.
+/// tensile, with tau_t = sqrt(E) times the largest principal strain, stress undamaged and strain total. The elastic part
+/// of that strain, and E, are those of the ice's own modulus: what scaling it down adds in strain breaks nothing. Each
+/// starts where flow without compaction is first met. Neither heals, but brittle damage has no part in compression: a
+/// crack that closes carries pressure. (1 - d) of a frictional stress takes away cohesion and stiffness, not friction.
 /// State: "damage" is d as applied now; "brittle_damage", "ductile_damage"; their thresholds, sqrt(Pa), 0 before they
 /// are met; the total strain.
 ///
@@ -131,7 +133,7 @@ class CapModel : public Material {
   // Constants of the surface. The cap keeps its shape as it moves: X - L is proportional to X + alpha / theta, and
   // the neutral point, where flow neither compacts nor dilates, sits at one t.
   double apex_;           // alpha / theta, Pa: the cone ends at J1 = -apex
-  double root_elastic_;   // sqrt(E), sqrt(Pa)
+  double root_elastic_;   // sqrt(E) of the ice's own modulus, sqrt(Pa)
   double width_ratio_;    // (X - L) / (X + apex)
   double neutral_;        // t of the neutral point
   double tangent_onset_;  // e at which the tangent replaces eq. 12

@@ -170,7 +170,7 @@ std::vector<Cell> table4() {
       {4, "nu", "ν [–]", ice, "0.3", "ice.poisson_ratio", 1.0, "given", {}},
       {4, "rho", "ρ_ice [kg/m³]", ice, "900", "ice.parent_density_kgpm3", 1.0, "given", {}},
       {4, "E", "E_ice [MPa]", ice, "4000", "ice.parent_elastic_modulus_pa", 1.0e6, "given", {}},
-      {4, "K_I", "K_I [kPa √m]", ice, "100", "", 1.0e3, "given", {}},
+      {4, "K_I", "K_I [kPa √m]", ice, "100", "ice.parent_fracture_toughness_pa_sqrt_m", 1.0e3, "given", {}},
       {4, "G_fc", "G_f^C [MPa mm]", ice, "2.0E-05", "", 1.0e3, "eq. 13 and Table 7", parent_energy},
   };
 }
@@ -214,9 +214,9 @@ std::vector<Cell> table7() {
         computeTensileFractureEnergy(computeFractureToughness(100.0e3, void_fraction),
                                      computeBrashElasticModulus(4000.0e6, void_fraction), 0.3);  // Table 4
     const double unit = 1.0 / kJoulePerM2InMpaMm;
-    cells.push_back({7, "B", "B [–]", sims, "1", "", 1.0, "given", {}});
+    cells.push_back({7, "B", "B [–]", sims, "1", "ice.damage_ductile_shape", 1.0, "given", {}});
     cells.push_back({7, "G_fc", "G_fc [MPa mm]", sims, column.compression, "", unit, "eq. 13", compression / unit});
-    cells.push_back({7, "D", "D [–]", sims, "1", "", 1.0, "given", {}});
+    cells.push_back({7, "D", "D [–]", sims, "1", "ice.damage_brittle_shape", 1.0, "given", {}});
     cells.push_back({7, "G_ft", "G_ft [MPa mm]", sims, column.tension, "", unit, "eqs. 14, 15", tension / unit});
     cells.push_back({7, "G_fs", "G_fs [MPa mm]", sims, column.shear, "", unit, "eqs. 14, 15", tension / unit});
   }

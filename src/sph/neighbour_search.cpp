@@ -10,6 +10,10 @@ namespace {
 
 using Cell = std::array<std::int64_t, 3>;
 
+bool isSame(const Cell& a, const Cell& b) {
+  return a[0] == b[0] && a[1] == b[1] && a[2] == b[2];
+}
+
 Cell cellOf(const Eigen::Vector3d& position, double cell_size) {
   constexpr double kFarthest = 1.0e15;  // beyond, particles share a cell: slower, still right
   Cell cell;
@@ -24,7 +28,7 @@ Cell cellOf(const Eigen::Vector3d& position, double cell_size) {
 std::size_t bucketOf(const Cell& cell, std::size_t mask) {
   const auto mixed = static_cast<std::uint64_t>(cell[0]) * 73856093u ^ static_cast<std::uint64_t>(cell[1]) * 19349663u ^
                      static_cast<std::uint64_t>(cell[2]) * 83492791u;
-  return static_cast<std::size_t>(mixed) & mask;
+  return static_cast<std::size_t>(mixed ^ mixed >> 20) & mask;
 }
 
 }  // namespace
@@ -32,8 +36,6 @@ std::size_t bucketOf(const Cell& cell, std::size_t mask) {
 void findNeighbours(const std::vector<Eigen::Vector3d>& position_m, double radius_m, NeighbourList& list) {
   assert(radius_m > 0.0);
   const std::size_t count = position_m.size();
-  list.row_begin.assign(count + 1, 0);
-  list.index.clear();
 
   std::size_t buckets = 64;
   while (buckets < count) buckets *= 2;
@@ -50,26 +52,66 @@ void findNeighbours(const std::vector<Eigen::Vector3d>& position_m, double radiu
   std::vector<std::size_t> cursor(bucket_begin.begin(), bucket_begin.end() - 1);
   for (std::size_t i = 0; i < count; ++i) member[cursor[bucketOf(cell[i], mask)]++] = static_cast<std::int32_t>(i);
 
+  // All particles of a cell share their 27 cells: these are gathered once, in ascending order, and each row is a
+  // selection.
+  std::vector<std::size_t> length(count);
+  std::vector<std::int32_t> found, around;
+  std::vector<std::size_t> found_begin(count);
+  std::vector<double> x, y, z;
+  std::vector<char> done(count, 0);
   const double radius_squared = radius_m * radius_m;
-  for (std::size_t i = 0; i < count; ++i) {
-    const auto row = static_cast<std::ptrdiff_t>(list.index.size());
-    for (std::int64_t x = -1; x <= 1; ++x) {
-      for (std::int64_t y = -1; y <= 1; ++y) {
-        for (std::int64_t z = -1; z <= 1; ++z) {
-          const Cell wanted{cell[i][0] + x, cell[i][1] + y, cell[i][2] + z};
+  found.reserve(64 * count);
+  for (std::size_t first = 0; first < count; ++first) {
+    if (done[first] != 0) continue;
+    const Cell home = cell[first];
+    around.clear();
+    for (std::int64_t dx = -1; dx <= 1; ++dx) {
+      for (std::int64_t dy = -1; dy <= 1; ++dy) {
+        for (std::int64_t dz = -1; dz <= 1; ++dz) {
+          const Cell wanted{home[0] + dx, home[1] + dy, home[2] + dz};
           const std::size_t bucket = bucketOf(wanted, mask);
           for (std::size_t m = bucket_begin[bucket]; m < bucket_begin[bucket + 1]; ++m) {
-            const auto j = static_cast<std::size_t>(member[m]);
             // Cells that share a bucket are told apart here, so that no pair is listed twice.
-            if (j != i && cell[j] == wanted && (position_m[i] - position_m[j]).squaredNorm() < radius_squared) {
-              list.index.push_back(member[m]);
-            }
+            if (isSame(cell[static_cast<std::size_t>(member[m])], wanted)) around.push_back(member[m]);
           }
         }
       }
     }
-    std::sort(list.index.begin() + row, list.index.end());
-    list.row_begin[i + 1] = list.index.size();
+    std::sort(around.begin(), around.end());
+    x.resize(around.size());
+    y.resize(around.size());
+    z.resize(around.size());
+    for (std::size_t k = 0; k < around.size(); ++k) {
+      const Eigen::Vector3d& position = position_m[static_cast<std::size_t>(around[k])];
+      x[k] = position.x();
+      y[k] = position.y();
+      z[k] = position.z();
+    }
+    const std::size_t bucket = bucketOf(home, mask);
+    for (std::size_t m = bucket_begin[bucket]; m < bucket_begin[bucket + 1]; ++m) {
+      const auto i = static_cast<std::size_t>(member[m]);
+      if (!isSame(cell[i], home)) continue;
+      done[i] = 1;
+      found_begin[i] = found.size();
+      found.resize(found.size() + around.size());
+      std::int32_t* const row = found.data() + found_begin[i];
+      const Eigen::Vector3d own = position_m[i];
+      std::size_t taken = 0;
+      for (std::size_t k = 0; k < around.size(); ++k) {
+        const double ox = x[k] - own.x(), oy = y[k] - own.y(), oz = z[k] - own.z();
+        row[taken] = around[k];  // written in any case and kept or not: a branch would often be guessed wrong
+        taken += (ox * ox + oy * oy + oz * oz < radius_squared) & (around[k] != static_cast<std::int32_t>(i)) ? 1 : 0;
+      }
+      length[i] = taken;
+      found.resize(found_begin[i] + taken);
+    }
+  }
+
+  list.row_begin.assign(count + 1, 0);
+  for (std::size_t i = 0; i < count; ++i) list.row_begin[i + 1] = list.row_begin[i] + length[i];
+  list.index.resize(list.row_begin[count]);
+  for (std::size_t i = 0; i < count; ++i) {
+    std::copy_n(found.data() + found_begin[i], length[i], list.index.data() + list.row_begin[i]);
   }
 }
 

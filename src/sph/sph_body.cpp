@@ -9,33 +9,25 @@
 namespace brash_ice_rig {
 namespace {
 
-// Particles per call of the material: long enough for its vector loops, short enough to stay in the first-level cache.
-constexpr std::size_t kTile = 128;
-
-/// A pair closer than this to the edge of the support has no measurable weight, and its viscosity factor overflows.
-constexpr double kSupportMargin = 1.0e-4;
-
 /// Change of volume that counts as a move, ratio.
 constexpr float kVolumeChange = 0.002f;
 
-/// Turns a symmetric tensor with the spin w of one step: t + w t - t w, written out by component.
-/// @param tensor  its six arrays, in the order of material.h
-void rotate(std::vector<float>* tensor, std::size_t i, float wxy, float wyz, float wzx) {
-  const float xx = tensor[0][i], yy = tensor[1][i], zz = tensor[2][i];
-  const float xy = tensor[3][i], yz = tensor[4][i], zx = tensor[5][i];
-  tensor[0][i] = xx + 2.0f * (wxy * xy - wzx * zx);
-  tensor[1][i] = yy + 2.0f * (wyz * yz - wxy * xy);
-  tensor[2][i] = zz + 2.0f * (wzx * zx - wyz * yz);
-  tensor[3][i] = xy + wxy * (yy - xx) - wzx * yz + wyz * zx;
-  tensor[4][i] = yz + wyz * (zz - yy) - wxy * zx + wzx * xy;
-  tensor[5][i] = zx + wzx * (xx - zz) - wyz * xy + wxy * yz;
+/// Share of the way that counts as a move which particles may go between two looks at them.
+constexpr double kUncheckedShare = 0.1;
+
+Padded3* padded(AlignedVector<Eigen::Vector4f>& vectors) {
+  return reinterpret_cast<Padded3*>(vectors.data());
 }
 
 }  // namespace
 
 SphBody::SphBody(const SphSettings& settings, const Material& material, const std::vector<Eigen::Vector3d>& position_m,
                  const std::vector<bool>& fixed)
-    : settings_(settings), material_(material), position_(position_m), fixed_(fixed.begin(), fixed.end()) {
+    : settings_(settings),
+      material_(material),
+      kernels_(sphKernels(chosenInstructionSet())),
+      position_(position_m),
+      fixed_(fixed.begin(), fixed.end()) {
   assert(position_m.size() == fixed.size());
   assert(settings.particle_volume_m3 > 0.0 && settings.density_kgpm3 > 0.0 && settings.smoothing_length_m > 0.0);
   const std::size_t count = position_.size();
@@ -44,14 +36,20 @@ SphBody::SphBody(const SphSettings& settings, const Material& material, const st
   for (auto& component : strain_increment_) component.assign(count, 0.0f);
   state_.assign(material.stateNames().size(), std::vector<float>(count, 0.0f));
   volume_.assign(count, static_cast<float>(settings.particle_volume_m3));
-  corrected_stress_.assign(count, Matrix43f::Zero());
+  const std::size_t turning = kComponents * material.stateTensors();
+  for (std::size_t c = state_.size() - turning; c < state_.size(); ++c) tensors_.push_back(state_[c].data());
+  corrected_stress_.assign(count, CorrectedStress{});
   viscosity_.assign(count, Eigen::Vector4f::Zero());
-  row_count_.assign(count, 0);
-  correction_.assign(count, Matrix43f::Zero());
+  force_.assign(count, Eigen::Vector4f::Zero());
+  block_begin_.assign(count + 1, 0);
+  block_count_.assign(count, 0);
+  for (auto& component : correction_) component.assign(count, 0.0f);
   gradient_sum_.assign(count, Eigen::Vector4f::Zero());
   cached_volume_ = volume_;
   reference_ = position_;
-  moved_.assign(count, 0);
+  longest_ = settings.smoothing_length_m;
+  searched_position_ = position_;
+  moved_.assign(count, kStays);
   listed_.assign(count, 0);
   due_.reserve(count);
   smoothing_length_.assign(count, settings.smoothing_length_m);
@@ -66,64 +64,104 @@ void SphBody::setStress(std::size_t i, const std::array<float, kComponents>& str
 }
 
 void SphBody::updateGradients() {
-  const double distance_squared = settings_.refresh_distance_m * settings_.refresh_distance_m;
-#pragma omp for schedule(static)
-  for (std::size_t i = 0; i < size(); ++i) {
-    moved_[i] = (position_[i] - reference_[i]).squaredNorm() >= distance_squared ||
-                std::abs(volume_[i] - cached_volume_[i]) > kVolumeChange * cached_volume_[i];
-  }
+  const bool first = candidates_.row_begin.empty();
+  if (!first && unchecked_way_ < kUncheckedShare * settings_.refresh_distance_m) return;
+  checkMoves();
 #pragma omp single
   {
+    unchecked_way_ = 0.0;
     due_.clear();
-    for (std::size_t i = 0; i < size(); ++i) {
-      if (moved_[i] != 0) takeReference(i);
-    }
-    // Two particles approach each other by at most twice the way of the faster one. The skin is also used up where
-    // supports have grown.
-    const bool first = candidates_.row_begin.empty();
-    if (first || 2.0 * travelled_ + 2.0 * (longest_ - longest_at_search_) >= settings_.skin_m) {
-      search();
-    } else {
-      listDueRows();
-    }
+    if (any_moved_) takeReferences();
+    // Two particles approach each other by at most twice the way of the one that went farther. The skin is also used up
+    // where supports have grown, and until the next look.
+    const double used =
+        std::sqrt(farthest_squared_) + (longest_ - longest_at_search_) + kUncheckedShare * settings_.refresh_distance_m;
+    const bool all_due = (first || 2.0 * used >= settings_.skin_m) && !search();
+    if (all_due || any_moved_) listDueRows(all_due);
+    any_moved_ = false;
+    farthest_squared_ = 0.0;
   }
 #pragma omp for schedule(static)
   for (std::size_t k = 0; k < due_.size(); ++k) refreshRow(due_[k]);
 }
 
-/// Gradients see the particle where it is now.
-void SphBody::takeReference(std::size_t i) {
-  reference_[i] = position_[i];
-  cached_volume_[i] = volume_[i];
-  if (!settings_.variable_smoothing_length) return;
-  const auto rest_volume = static_cast<double>(static_cast<float>(settings_.particle_volume_m3));
-  smoothing_length_[i] =
-      settings_.smoothing_length_m * smoothingGrowth(static_cast<double>(cached_volume_[i]) / rest_volume);
-  longest_ = std::max(longest_, smoothing_length_[i]);
+/// Who has left its reference, and how far particles have gone since the candidates were found.
+void SphBody::checkMoves() {
+  const double distance_squared = settings_.refresh_distance_m * settings_.refresh_distance_m;
+  bool any_moved = false;
+  double farthest_squared = 0.0;
+#pragma omp for schedule(static) nowait
+  for (std::size_t i = 0; i < size(); ++i) {
+    const double way_squared = (position_[i] - reference_[i]).squaredNorm();
+    const float swelling = std::abs(volume_[i] - cached_volume_[i]);
+    const bool moved = way_squared >= distance_squared || swelling > kVolumeChange * cached_volume_[i];
+    moved_[i] = moved ? kMoved : 4.0 * way_squared >= distance_squared ? kHalfMoved : kStays;
+    any_moved = any_moved || moved;
+    farthest_squared = std::max(farthest_squared, (position_[i] - searched_position_[i]).squaredNorm());
+  }
+#pragma omp critical(brash_ice_rig_sph_moves)
+  {
+    any_moved_ = any_moved_ || any_moved;
+    farthest_squared_ = std::max(farthest_squared_, farthest_squared);
+  }
+#pragma omp barrier
 }
 
-void SphBody::search() {
-  longest_ = settings_.variable_smoothing_length ? 0.0 : settings_.smoothing_length_m;
-  for (std::size_t i = 0; i < size(); ++i) takeReference(i);
+/// From now on gradients see those that have moved where they are now. Neighbours of such a particle which are half on
+/// their way are taken along, or a body in motion would be refreshed bit by bit, each row again for each of its
+/// neighbours.
+void SphBody::takeReferences() {
+  if (!candidates_.row_begin.empty()) {
+    for (std::size_t i = 0; i < size(); ++i) {
+      if (moved_[i] != kMoved) continue;
+      forCandidates(i, [this](std::size_t j) {
+        if (moved_[j] == kHalfMoved) moved_[j] = kTakenAlong;
+      });
+    }
+  }
+  const auto rest_volume = static_cast<double>(static_cast<float>(settings_.particle_volume_m3));
+  for (std::size_t i = 0; i < size(); ++i) {
+    if (moved_[i] < kTakenAlong) continue;
+    reference_[i] = position_[i];
+    cached_volume_[i] = volume_[i];
+    if (!settings_.variable_smoothing_length) continue;
+    smoothing_length_[i] =
+        settings_.smoothing_length_m * smoothingGrowth(static_cast<double>(cached_volume_[i]) / rest_volume);
+    longest_ = std::max(longest_, smoothing_length_[i]);
+  }
+}
+
+/// Finds the candidates where the references are.
+/// @return whether rows that hold their neighbours may stay as they are
+bool SphBody::search() {
+  if (settings_.variable_smoothing_length) {
+    longest_ = *std::max_element(smoothing_length_.begin(), smoothing_length_.end());
+  }
   findNeighbours(reference_, 2.0 * longest_ + settings_.skin_m, candidates_);
-  pair_.resize(candidates_.index.size());
-  neighbour_.resize(candidates_.index.size());
+  searched_position_ = reference_;
   longest_at_search_ = longest_;
-  travelled_ = 0.0;
-  due_.resize(size());
-  for (std::size_t i = 0; i < size(); ++i) due_[i] = i;
+
+  // The kernel writes one entry beyond those that it keeps.
+  const auto needed = [this](std::size_t i) {
+    return (candidates_.row_begin[i + 1] - candidates_.row_begin[i]) / PairBlock::kPairs + 1;
+  };
+  bool fits = true;
+  for (std::size_t i = 0; i < size(); ++i) fits = fits && needed(i) <= block_begin_[i + 1] - block_begin_[i];
+  if (fits) return true;
+  // With room for a denser packing, so that this is seldom done again.
+  for (std::size_t i = 0; i < size(); ++i) block_begin_[i + 1] = block_begin_[i] + needed(i) + needed(i) / 4;
+  blocks_.resize(block_begin_.back());
+  return false;
 }
 
 /// A row depends on the references of its particle and of its neighbours alone: both rows of a pair hold the same
 /// gradient at any time, whichever of them was refreshed.
-void SphBody::listDueRows() {
-  std::fill(listed_.begin(), listed_.end(), 0);
-  for (std::size_t i = 0; i < size(); ++i) {
-    if (moved_[i] == 0) continue;
+void SphBody::listDueRows(bool all) {
+  std::fill(listed_.begin(), listed_.end(), all ? 1 : 0);
+  for (std::size_t i = 0; i < size() && !all; ++i) {
+    if (moved_[i] < kTakenAlong) continue;
     listed_[i] = 1;
-    for (std::size_t c = candidates_.row_begin[i]; c < candidates_.row_begin[i + 1]; ++c) {
-      listed_[static_cast<std::size_t>(candidates_.index[c])] = 1;
-    }
+    forCandidates(i, [this](std::size_t j) { listed_[j] = 1; });
   }
   for (std::size_t i = 0; i < size(); ++i) {
     if (listed_[i] != 0) due_.push_back(i);
@@ -131,99 +169,67 @@ void SphBody::listDueRows() {
 }
 
 void SphBody::refreshRow(std::size_t i) {
-  const double viscosity = settings_.density_kgpm3 * settings_.viscosity_ratio * settings_.viscosity_speed_mps;
-
-  const std::size_t begin = candidates_.row_begin[i];
-  std::size_t end = begin;
-  Eigen::Matrix3d moment = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  for (std::size_t c = begin; c < candidates_.row_begin[i + 1]; ++c) {
-    const auto j = static_cast<std::size_t>(candidates_.index[c]);
-    const Eigen::Vector3d offset = reference_[i] - reference_[j];
-    const double distance_squared = offset.squaredNorm();
-    const double h = 0.5 * (smoothing_length_[i] + smoothing_length_[j]);  // of equal ones: exactly that one
-    const CubicSpline kernel{h};
-    const double reach = kernel.support() - kSupportMargin * h;
-    if (distance_squared >= reach * reach || distance_squared == 0.0) continue;
-    const double distance = std::sqrt(distance_squared);
-    const double slope = static_cast<double>(cached_volume_[j]) * kernel.derivative(distance);
-    const Eigen::Vector3d gradient = slope / distance * offset;
-    const double softened = distance_squared + 0.01 * h * h;
-    pair_[end].head<3>() = gradient.cast<float>();
-    pair_[end].w() = static_cast<float>(viscosity * h * distance / (softened * -slope));
-    neighbour_[end] = candidates_.index[c];
-    ++end;
-    moment.noalias() -= offset * gradient.transpose();
-    sum += gradient;
-  }
-  row_count_[i] = static_cast<std::int32_t>(end - begin);
-  gradient_sum_[i] << sum.cast<float>(), 0.0f;
+  static_assert(sizeof(Eigen::Vector3d) == sizeof(double[3]), "the kernels read positions as plain numbers");
+  const auto viscosity =
+      static_cast<float>(settings_.density_kgpm3 * settings_.viscosity_ratio * settings_.viscosity_speed_mps);
+  const std::size_t first = candidates_.row_begin[i];
+  double m[6];
+  block_count_[i] = kernels_.refresh(i, reinterpret_cast<const double(*)[3]>(reference_.data()),
+                                     smoothing_length_.data(), cached_volume_.data(), viscosity,
+                                     candidates_.index.data() + first, candidates_.row_begin[i + 1] - first,
+                                     blocks_.data() + block_begin_[i], padded(gradient_sum_) + i, m);
+  Eigen::Matrix3d moment;
+  moment << m[0], m[3], m[5], m[3], m[1], m[4], m[5], m[4], m[2];
   const bool regular = moment.determinant() >= settings_.determinant_limit;
-  correction_[i].topRows<3>() =
-      regular ? Eigen::Matrix3f(moment.inverse().cast<float>()) : Eigen::Matrix3f(Eigen::Matrix3f::Identity());
+  const Eigen::Matrix3d correction = regular ? Eigen::Matrix3d(moment.inverse()) : Eigen::Matrix3d::Identity();
+  for (std::size_t c = 0; c < 9; ++c) {
+    const auto entry = static_cast<Eigen::Index>(c);
+    correction_[c][i] = static_cast<float>(correction(entry / 3, entry % 3));
+  }
 }
 
-SphBody::Gathered SphBody::gather(std::size_t i) const {
-  // Plain locals, so that the sums stay in registers.
-  Eigen::Vector4f along_x = Eigen::Vector4f::Zero(), along_y = along_x, along_z = along_x, viscosity = along_x;
-  const Eigen::Vector4f own = velocity_[i];
-  const Eigen::Vector4f* const velocity = velocity_.data();
-  const std::int32_t* const neighbour = neighbour_.data();
-  const Eigen::Vector4f* const pairs = pair_.data();
-  const std::size_t begin = candidates_.row_begin[i];
-  const std::size_t end = begin + static_cast<std::size_t>(row_count_[i]);
-  for (std::size_t n = begin; n < end; ++n) {
-    const Eigen::Vector4f& pair = pairs[n];
-    const Eigen::Vector4f difference = velocity[neighbour[n]] - own;
-    along_x += difference * pair.x();
-    along_y += difference * pair.y();
-    along_z += difference * pair.z();
-    viscosity += (difference.dot(pair) * pair.w()) * pair;  // difference.w is 0
+SphRows SphBody::rows() {
+  SphRows rows{};
+  rows.blocks = blocks_.data();
+  rows.block_begin = block_begin_.data();
+  rows.block_count = block_count_.data();
+  rows.velocity = padded(velocity_);
+  for (std::size_t c = 0; c < 9; ++c) rows.correction[c] = correction_[c].data();
+  rows.gradient_sum = padded(gradient_sum_);
+  rows.cached_volume = cached_volume_.data();
+  for (std::size_t c = 0; c < kComponents; ++c) {
+    rows.strain_increment[c] = strain_increment_[c].data();
+    rows.stress[c] = stress_[c].data();
   }
-  viscosity.w() = 0.0f;
-  Gathered result;
-  result.gradient << along_x, along_y, along_z;
-  result.viscosity = viscosity;
-  return result;
+  rows.tensors = tensors_.data();
+  rows.tensor_count = tensors_.size() / kComponents;
+  rows.volume = volume_.data();
+  rows.corrected_stress = corrected_stress_.data();
+  rows.viscosity = padded(viscosity_);
+  rows.force = padded(force_);
+  return rows;
 }
 
 Eigen::Matrix3f SphBody::velocityGradient(std::size_t i) const {
-  return gather(i).gradient.topRows<3>() * correction_[i].topRows<3>();
+  Eigen::Matrix<float, 3, 3, Eigen::RowMajor> gradient;
+  // rows() hands out what the sweeps write as well; this kernel only reads.
+  kernels_.velocityGradient(const_cast<SphBody*>(this)->rows(), i, gradient.data());
+  return gradient;
 }
 
 void SphBody::updateStress(double time_step_s) {
-  const std::size_t tiles = (size() + kTile - 1) / kTile;
+  const SphRows rows = this->rows();
 #pragma omp for schedule(static)
-  for (std::size_t tile = 0; tile < tiles; ++tile) {
-    updateRange(tile * kTile, std::min((tile + 1) * kTile, size()), static_cast<float>(time_step_s));
-  }
+  for (std::size_t tile = 0; tile < tiles(); ++tile) updateTile(rows, tile, static_cast<float>(time_step_s));
+#pragma omp for schedule(static) nowait  // who has a force here moves the same particle in updateMotion()
+  for (std::size_t tile = 0; tile < tiles(); ++tile) kernels_.force(rows, tileBegin(tile), tileEnd(tile));
 }
 
-void SphBody::updateRange(std::size_t begin, std::size_t end, float time_step_s) {
+void SphBody::updateTile(const SphRows& rows, std::size_t tile, float time_step_s) {
+  const std::size_t begin = tileBegin(tile), end = tileEnd(tile);
   const auto rest_volume = static_cast<float>(settings_.particle_volume_m3);
   const auto limit = static_cast<float>(settings_.volume_ratio_limit);
-  const std::size_t first_tensor = state_.size() - kComponents * material_.stateTensors();
-  for (std::size_t i = begin; i < end; ++i) {
-    const Gathered gathered = gather(i);
-    viscosity_[i] = gathered.viscosity;
-    const Eigen::Matrix3f increment = time_step_s * (gathered.gradient.topRows<3>() * correction_[i].topRows<3>());
-
-    strain_increment_[0][i] = increment(0, 0);
-    strain_increment_[1][i] = increment(1, 1);
-    strain_increment_[2][i] = increment(2, 2);
-    strain_increment_[3][i] = 0.5f * (increment(0, 1) + increment(1, 0));
-    strain_increment_[4][i] = 0.5f * (increment(1, 2) + increment(2, 1));
-    strain_increment_[5][i] = 0.5f * (increment(2, 0) + increment(0, 2));
-    volume_[i] = std::min(std::max(volume_[i] * (1.0f + increment.trace()), rest_volume / limit), rest_volume * limit);
-
-    // Jaumann rate: the old stress turns with the particle.
-    const float wxy = 0.5f * (increment(0, 1) - increment(1, 0));
-    const float wyz = 0.5f * (increment(1, 2) - increment(2, 1));
-    const float wzx = 0.5f * (increment(2, 0) - increment(0, 2));
-    rotate(stress_.data(), i, wxy, wyz, wzx);
-    for (std::size_t c = first_tensor; c < state_.size(); c += kComponents) rotate(&state_[c], i, wxy, wyz, wzx);
-  }
-
+  kernels_.strain(rows, begin, end, time_step_s, rest_volume / limit, rest_volume * limit);
   MaterialBatch batch;
   batch.count = end - begin;
   for (std::size_t c = 0; c < kComponents; ++c) {
@@ -233,30 +239,7 @@ void SphBody::updateRange(std::size_t begin, std::size_t end, float time_step_s)
   batch.state.reserve(state_.size());
   for (auto& values : state_) batch.state.push_back(values.data() + begin);
   material_.update(batch);
-
-  for (std::size_t i = begin; i < end; ++i) {
-    Eigen::Matrix3f stress;
-    stress << stress_[0][i], stress_[3][i], stress_[5][i],  //
-        stress_[3][i], stress_[1][i], stress_[4][i],        //
-        stress_[5][i], stress_[4][i], stress_[2][i];
-    corrected_stress_[i].topRows<3>() = stress * correction_[i].topRows<3>();
-  }
-}
-
-Eigen::Vector4f SphBody::internalForce(std::size_t i) const {
-  const Matrix43f* const stress = corrected_stress_.data();
-  const std::int32_t* const neighbour = neighbour_.data();
-  const Eigen::Vector4f* const pairs = pair_.data();
-  const std::size_t begin = candidates_.row_begin[i];
-  const std::size_t end = begin + static_cast<std::size_t>(row_count_[i]);
-  Eigen::Vector4f sum = viscosity_[i];
-  sum += corrected_stress_[i] * gradient_sum_[i].head<3>();
-  for (std::size_t n = begin; n < end; ++n) {
-    const Eigen::Vector4f& pair = pairs[n];
-    const Matrix43f& other = stress[neighbour[n]];
-    sum += other.col(0) * pair.x() + other.col(1) * pair.y() + other.col(2) * pair.z();
-  }
-  return cached_volume_[i] * sum;
+  kernels_.correctStress(rows, begin, end);
 }
 
 }  // namespace brash_ice_rig

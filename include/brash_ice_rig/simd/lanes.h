@@ -33,5 +33,40 @@ inline __attribute__((always_inline)) void store(T* to, const Vector& value) {
   __builtin_memcpy(to, &value, sizeof(Vector));
 }
 
+/// Lanes I... of a and b together; those of b count on from those of a.
+template <int... I, class Vector>
+inline __attribute__((always_inline)) Vector shuffle(const Vector& a, const Vector& b) {
+#if defined(__clang__) || __GNUC__ >= 12
+  return __builtin_shufflevector(a, b, I...);
+#else
+  return __builtin_shuffle(a, b, decltype(a < b){I...});
+#endif
+}
+
+/// Four lanes and four lanes.
+inline __attribute__((always_inline)) Float8 join(const Float4& a, const Float4& b) {
+#if defined(__clang__) || __GNUC__ >= 12
+  return __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7);
+#else
+  return Float8{a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]};
+#endif
+}
+
+inline __attribute__((always_inline)) Float4 low(const Float8& v) {
+#if defined(__clang__) || __GNUC__ >= 12
+  return __builtin_shufflevector(v, v, 0, 1, 2, 3);
+#else
+  return Float4{v[0], v[1], v[2], v[3]};
+#endif
+}
+
+inline __attribute__((always_inline)) Float4 high(const Float8& v) {
+#if defined(__clang__) || __GNUC__ >= 12
+  return __builtin_shufflevector(v, v, 4, 5, 6, 7);
+#else
+  return Float4{v[4], v[5], v[6], v[7]};
+#endif
+}
+
 }  // namespace
 }  // namespace brash_ice_rig

@@ -12,6 +12,7 @@
 
 #include "brash_ice_rig/material/material.h"
 #include "brash_ice_rig/sph/neighbour_search.h"
+#include "brash_ice_rig/sph/sph_kernels.h"
 
 namespace brash_ice_rig {
 
@@ -43,7 +44,8 @@ struct SphSettings {
 ///
 /// Gradients, B and the volumes in them are cached. They see a particle at its reference, where it was when it had last
 /// moved a given distance, so that only rows with a neighbour on the move are computed anew.
-/// Each particle gathers from its neighbours in a fixed order: results do not depend on the number of threads.
+/// Each particle gathers from its neighbours in a fixed order: results do not depend on the number of threads. The
+/// sweeps themselves are in sph_kernels.h.
 ///
 /// Functions marked "team" are called by every thread of an OpenMP team together; from a single thread they work too.
 class SphBody {
@@ -52,6 +54,8 @@ class SphBody {
   /// @param fixed     particles that never move; stress is followed in them all the same
   SphBody(const SphSettings& settings, const Material& material, const std::vector<Eigen::Vector3d>& position_m,
           const std::vector<bool>& fixed);
+  SphBody(SphBody&&) = default;
+  SphBody(const SphBody&) = delete;
 
   /// m/s. Ice that falls 50 m in air reaches a third of it; only a broken integration gets there.
   static constexpr float kFastest = 100.0f;
@@ -62,31 +66,34 @@ class SphBody {
   /// Team. Refreshes cached gradients if particles have moved far enough since the last time.
   void updateGradients();
 
-  /// Team. Velocity gradient, rotation of stress, volumes, material.
+  /// Team. Velocity gradient, rotation of stress, volumes, material, and the internal forces from them.
   void updateStress(double time_step_s);
 
   /// Team. Internal forces plus `external(i)` (N, as Vector4f with w = 0), then v and x by symplectic Euler.
   /// A particle whose new velocity would be beyond kFastest, or not a number, keeps its state, and sound() turns false.
   /// @param damping_per_s  mass damping, 1/s
-  template <class ExternalForce>
-  void updateMotion(double time_step_s, double damping_per_s, const ExternalForce& external) {
+  /// @param then           called by one thread when all particles have moved
+  template <class ExternalForce, class Then>
+  void updateMotion(double time_step_s, double damping_per_s, const ExternalForce& external, const Then& then) {
     const auto dt = static_cast<float>(time_step_s);
     const float decay = 1.0f - static_cast<float>(damping_per_s * time_step_s);
     const float dt_over_mass = static_cast<float>(time_step_s / particleMass());
     float fastest_squared = 0.0f;
     bool sound = true;
 #pragma omp for schedule(static) nowait
-    for (std::size_t i = 0; i < size(); ++i) {
-      if (fixed_[i]) continue;
-      const Eigen::Vector4f velocity = velocity_[i] * decay + dt_over_mass * (internalForce(i) + external(i));
-      const float speed_squared = velocity.head<3>().squaredNorm();
-      if (!(speed_squared < kFastest * kFastest)) {  // written so that NaN is caught too
-        sound = false;
-        continue;
+    for (std::size_t tile = 0; tile < tiles(); ++tile) {
+      for (std::size_t i = tileBegin(tile); i < tileEnd(tile); ++i) {
+        if (fixed_[i]) continue;
+        const Eigen::Vector4f velocity = velocity_[i] * decay + dt_over_mass * (force_[i] + external(i));
+        const float speed_squared = velocity.head<3>().squaredNorm();
+        if (!(speed_squared < kFastest * kFastest)) {  // written so that NaN is caught too
+          sound = false;
+          continue;
+        }
+        fastest_squared = std::max(fastest_squared, speed_squared);
+        velocity_[i].head<3>() = velocity.head<3>();
+        position_[i] += (dt * velocity.head<3>()).template cast<double>();
       }
-      fastest_squared = std::max(fastest_squared, speed_squared);
-      velocity_[i].head<3>() = velocity.head<3>();
-      position_[i] += (dt * velocity.head<3>()).template cast<double>();
     }
 #pragma omp critical(brash_ice_rig_sph_motion)
     {
@@ -96,9 +103,14 @@ class SphBody {
 #pragma omp barrier
 #pragma omp single
     {
-      travelled_ += time_step_s * std::sqrt(static_cast<double>(fastest_squared_));
+      unchecked_way_ += time_step_s * std::sqrt(static_cast<double>(fastest_squared_));
       fastest_squared_ = 0.0f;
+      then();
     }
+  }
+  template <class ExternalForce>
+  void updateMotion(double time_step_s, double damping_per_s, const ExternalForce& external) {
+    updateMotion(time_step_s, damping_per_s, external, [] {});
   }
 
   /// False after updateMotion() met a velocity that cannot be: the integration has broken down.
@@ -107,7 +119,9 @@ class SphBody {
   }
 
   /// N, from stress and viscosity, of the last updateStress(); w = 0.
-  Eigen::Vector4f internalForce(std::size_t i) const;
+  const Eigen::Vector4f& internalForce(std::size_t i) const {
+    return force_[i];
+  }
   /// N, the part of it that is viscosity; w = 0.
   Eigen::Vector4f viscousForce(std::size_t i) const {
     return cached_volume_[i] * viscosity_[i];
@@ -147,21 +161,36 @@ class SphBody {
   void setStress(std::size_t i, const std::array<float, kComponents>& stress_pa);
 
  private:
-  using Matrix43f = Eigen::Matrix<float, 4, 3>;
+  std::size_t tiles() const {
+    return (size() + kTile - 1) / kTile;
+  }
+  std::size_t tileBegin(std::size_t tile) const {
+    return tile * kTile;
+  }
+  std::size_t tileEnd(std::size_t tile) const {
+    return std::min((tile + 1) * kTile, size());
+  }
 
-  struct Gathered {
-    Matrix43f gradient;         ///< sum_j V_j (v_j - v_i) (x) grad W_ij
-    Eigen::Vector4f viscosity;  ///< viscous force over V_i
-  };
-  Gathered gather(std::size_t i) const;
-  void takeReference(std::size_t i);
-  void search();
-  void listDueRows();
+  SphRows rows();
+  void checkMoves();
+  void takeReferences();
+  bool search();
+  void listDueRows(bool all);
+  template <class Act>
+  void forCandidates(std::size_t i, const Act& act) const {
+    for (std::size_t c = candidates_.row_begin[i]; c < candidates_.row_begin[i + 1]; ++c) {
+      act(static_cast<std::size_t>(candidates_.index[c]));
+    }
+  }
   void refreshRow(std::size_t i);
-  void updateRange(std::size_t begin, std::size_t end, float time_step_s);
+  void updateTile(const SphRows& rows, std::size_t tile, float time_step_s);
+
+  /// Particles that a thread takes at a time.
+  static constexpr std::size_t kTile = 64;
 
   SphSettings settings_;
   const Material& material_;
+  const SphKernels& kernels_;
 
   std::vector<Eigen::Vector3d> position_;
   AlignedVector<Eigen::Vector4f> velocity_;  ///< w = 0
@@ -171,27 +200,33 @@ class SphBody {
   std::vector<char> fixed_;
 
   std::array<std::vector<float>, kComponents> strain_increment_;
-  AlignedVector<Matrix43f> corrected_stress_;  ///< sigma_i B_i, row w = 0
-  AlignedVector<Eigen::Vector4f> viscosity_;   ///< viscous force over V_i, w = 0
+  std::vector<CorrectedStress> corrected_stress_;
+  AlignedVector<Eigen::Vector4f> viscosity_;  ///< viscous force over V_i, w = 0
+  AlignedVector<Eigen::Vector4f> force_;      ///< internal force, w = 0
+  std::vector<float*> tensors_;               ///< the arrays of state_ that turn with the particle
 
   // Cache, a function of the references alone.
   std::vector<Eigen::Vector3d> reference_;
   NeighbourList candidates_;  ///< within the longest support + skin
-  /// grad W_ij times V_j in x, y, z; in w the factor Q that turns (dv . g) g into the viscous force. One per candidate,
-  /// the first row_count_[i] of a row are in use.
-  AlignedVector<Eigen::Vector4f> pair_;
-  std::vector<std::int32_t> neighbour_;
-  std::vector<std::int32_t> row_count_;
-  AlignedVector<Matrix43f> correction_;          ///< B_i, row w = 0
-  AlignedVector<Eigen::Vector4f> gradient_sum_;  ///< sum_j V_j grad W_ij
+  std::vector<PairBlock> blocks_;
+  std::vector<std::size_t> block_begin_;
+  std::vector<std::int32_t> block_count_;
+  std::array<std::vector<float>, 9> correction_;  ///< B_i, row by row
+  AlignedVector<Eigen::Vector4f> gradient_sum_;   ///< sum_j V_j grad W_ij, w = 0
   std::vector<float> cached_volume_;
   std::vector<double> smoothing_length_;  ///< h_i
 
-  std::vector<char> moved_, listed_;  ///< per particle: has left its reference; its row is due
-  std::vector<std::size_t> due_;      ///< rows to refresh in this step
-
-  double longest_ = 0.0, longest_at_search_ = 0.0;  ///< largest h_i since candidates_ were found, and when
-  double travelled_ = 0.0;                          ///< upper bound of any particle's way since then
+  /// How far a particle has left its reference: hardly, half of the way that counts (and with a neighbour), or all of
+  /// it.
+  enum : char { kStays, kHalfMoved, kTakenAlong, kMoved };
+  std::vector<char> moved_;
+  std::vector<char> listed_;                        ///< per particle: its row is due
+  std::vector<std::size_t> due_;                    ///< rows to refresh in this step
+  bool any_moved_ = false;                          ///< found by checkMoves()
+  double farthest_squared_ = 0.0;                   ///< likewise: largest way since the search, squared
+  std::vector<Eigen::Vector3d> searched_position_;  ///< where candidates_ were found
+  double longest_ = 0.0, longest_at_search_ = 0.0;  ///< largest h_i since then, and at that time
+  double unchecked_way_ = 0.0;                      ///< upper bound of any particle's way since checkMoves()
 
   float fastest_squared_ = 0.0f;
   bool sound_ = true;

@@ -85,6 +85,8 @@ class Bench(unittest.TestCase):
             row = rows[f"size_{size}.threads_1"]
             self.assertEqual(row["particles"], size)
             self.assertAlmostEqual(row["ratio_to_10000"], row["value"] / rows["size_10000.threads_1"]["value"])
+            self.assertAlmostEqual(row["ratio_by_processor_time"],
+                                   row["processor_ns"] / rows["size_10000.threads_1"]["processor_ns"])
             # A particle's position, velocity and stress alone are 64 bytes.
             self.assertGreater(row["peak_memory_bytes_per_particle"], 64)
         soft, stiff = rows["lift.scale_0.001"], rows["lift.scale_1"]
@@ -109,13 +111,16 @@ class Bench(unittest.TestCase):
             for phase in ("elastic", "plastic"):
                 ours, ratio = rows[f"{phase}.threads_1"], rows[f"peer.{method}.over_{phase}"]
                 self.assertAlmostEqual(ratio["value"], peer["value"] / ours["value"])
-                self.assertAlmostEqual(ratio["by_processor_time"], peer["processor_ns"] / ours["processor_ns"])
+                self.assertAlmostEqual(ratio["ratio_by_processor_time"], peer["processor_ns"] / ours["processor_ns"])
 
     def test_a_failed_measurement_is_told(self):
         run = self.bench("--lammps", self.write_peer("#!/bin/sh\necho 'ERROR: Lost atoms'\nexit 3\n"))
         self.assertEqual(run.returncode, 1)
         self.assertIn("ERROR: Lost atoms", run.stderr)
         self.assertFalse(os.path.exists(self.out))
+        run = self.bench("--out", os.path.join(self.directory, "none", "bench.json"))
+        self.assertEqual(run.returncode, 1)
+        self.assertIn("there is no directory for", run.stderr)
         run = self.bench("--lammps", "", program="/bin/false")
         self.assertEqual(run.returncode, 1)
         self.assertIn("step_bench ended with exit code 1", run.stderr)

@@ -110,6 +110,7 @@ std::string toJson(const RunSummary& summary) {
       {"wall_s", jsonNumber(summary.wall_s)},
       {"real_time_factor", jsonNumber(summary.real_time_factor)},
       {"ns_per_particle_step", jsonNumber(summary.ns_per_particle_step)},
+      {"active_ratio", jsonNumber(summary.active_ratio)},
       {"particle_count", std::to_string(summary.particle_count)},
       {"step_count", std::to_string(summary.step_count)},
       {"dt_s", jsonNumber(summary.dt_s)},
@@ -137,7 +138,8 @@ std::string describe(const RunSummary& summary) {
          energy + "simulated       " + rounded(summary.simulated_s, 2) + " s in " + rounded(summary.wall_s, 2) +
          " s, real-time factor " + rounded(summary.real_time_factor, 2) + "\n" + "cost            " +
          rounded(summary.ns_per_particle_step, 0) + " ns per particle and step, " +
-         std::to_string(summary.particle_count) + " particles, " + std::to_string(summary.step_count) + " steps of " +
+         std::to_string(summary.particle_count) + " particles (" + rounded(100.0 * summary.active_ratio, 0) +
+         " % of them active in the mean), " + std::to_string(summary.step_count) + " steps of " +
          rounded(1.0e3 * summary.dt_s, 3) + " ms, threads: " + std::to_string(summary.threads) + "\n" +
          "state hash      " + hashText(summary.state_hash) + "\n" + "status          " + summary.status + "\n";
 }

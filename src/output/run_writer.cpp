@@ -80,7 +80,8 @@ RunWriter::RunWriter(const Simulation& simulation, const std::string& directory)
       reading_(simulation.samplePeriod()),
       ice_(simulation.samplePeriod()),
       sample_period_s_(simulation.samplePeriod()),
-      first_step_(simulation.stepCount()) {
+      first_step_(simulation.stepCount()),
+      first_active_particle_steps_(simulation.activeParticleSteps()) {
   OutputFile scenario_file(scenarioPath(), OutputFile::Mode::kReplace);
   scenario_file.write(toYaml(simulation.scenario()));
   scenario_file.close();
@@ -143,6 +144,8 @@ RunSummary RunWriter::finish(const Simulation& simulation, const RunTiming& timi
   summary.step_count = simulation.stepCount() - first_step_;
   summary.dt_s = simulation.timeStep();
   const double steps = static_cast<double>(summary.step_count);
+  summary.active_ratio = static_cast<double>(simulation.activeParticleSteps() - first_active_particle_steps_) /
+                         (steps * static_cast<double>(summary.particle_count));
   summary.simulated_s = steps * summary.dt_s;
   summary.wall_s = timing.wall_s;
   summary.real_time_factor = summary.simulated_s / timing.wall_s;

@@ -27,7 +27,14 @@ namespace {
 /// Penetration at which contact is reported as saturated, over its offset.
 constexpr double kSaturatedPenetration = 0.5;
 
-SphSettings makeSphSettings(const Scenario& s, double density_kgpm3) {
+/// Steps between two samples of the load cell: the step divides their period, so that each sample falls on a step.
+std::uint64_t countStepsPerSample(const Scenario& s, const Material& material, double density_kgpm3) {
+  const double wave_speed = computeWaveSpeed({0.0, material.bulkModulus(), material.shearModulus()}, density_kgpm3);
+  const double largest_step = s.solver.cfl_ratio * s.solver.smoothing_ratio * s.field.spacing_m / wave_speed;
+  return static_cast<std::uint64_t>(std::ceil(1.0 / s.load_cell.rate_hz / largest_step));
+}
+
+SphSettings makeSphSettings(const Scenario& s, double density_kgpm3, double time_step_s) {
   const double dx = s.field.spacing_m;
   SphSettings settings;
   settings.particle_volume_m3 = dx * dx * dx;
@@ -40,6 +47,14 @@ SphSettings makeSphSettings(const Scenario& s, double density_kgpm3) {
   settings.determinant_limit = s.solver.determinant_limit;
   settings.skin_m = s.solver.neighbour_skin_ratio * dx;
   settings.refresh_distance_m = s.solver.gradient_refresh_ratio * dx;
+  settings.active_set.enabled = s.solver.active_set;
+  settings.active_set.quiet_force_n =
+      s.solver.quiet_force_ratio * density_kgpm3 * settings.particle_volume_m3 * kGravityMps2;
+  // A particle that rises or sinks by this share of its height changes its buoyancy by about that share of its weight.
+  settings.active_set.quiet_way_m = s.solver.quiet_force_ratio * dx;
+  settings.active_set.quiet_time_s = s.solver.quiet_time_s;
+  settings.active_set.spacing_m = dx;
+  settings.active_set.time_step_s = time_step_s;
   return settings;
 }
 
@@ -107,8 +122,9 @@ struct Simulation::Impl {
   double sample_period;
   CapModel material;
   double density;
+  std::uint64_t steps_per_sample;
   double time_step;
-  std::uint64_t steps_per_sample, settle_steps;
+  std::uint64_t settle_steps;
 
   std::vector<Eigen::Vector3d> site;  ///< original positions
   SphBody ice;
@@ -120,6 +136,7 @@ struct Simulation::Impl {
   Procedure procedure;
 
   std::uint64_t step_count = 0;
+  std::uint64_t active_particle_steps = 0;
   bool frozen = false;
   StatusFlags flags;  ///< since the start of the present advance
   ContactSum contact_sum;
@@ -143,13 +160,13 @@ Simulation::Impl::Impl(const Scenario& s)
       sample_period(1.0 / s.load_cell.rate_hz),
       material(makeCapParameters(s.ice, s.solver.stiffness_scale, s.field.spacing_m)),
       density(computeBulkDensity(s.ice.parent_density_kgpm3, s.ice.void_fraction)),
-      time_step(0.0),
-      steps_per_sample(0),
+      steps_per_sample(countStepsPerSample(s, material, density)),
+      time_step(sample_period / static_cast<double>(steps_per_sample)),
       settle_steps(0),
       ice([&] {
         IceField field = makeFieldAroundRig(s);
         site = field.position_m;
-        return SphBody(makeSphSettings(s, density), material, field.position_m, field.fixed);
+        return SphBody(makeSphSettings(s, density, time_step), material, field.position_m, field.fixed);
       }()),
       water(s.water, s.ice, s.field.spacing_m),
       collector(s.collector, s.procedure.start == StartPose::kUnfoldedUnderIce),
@@ -158,12 +175,6 @@ Simulation::Impl::Impl(const Scenario& s)
       load_cell(s.load_cell),
       procedure(s.procedure, lowestHubHeight(s)),
       fold_target(collector.foldRatio()) {
-  // The step divides the sample period, so that each sample falls on a step.
-  const double wave_speed = computeWaveSpeed({0.0, material.bulkModulus(), material.shearModulus()}, density);
-  const double smoothing_length = s.solver.smoothing_ratio * s.field.spacing_m;
-  const double largest_step = s.solver.cfl_ratio * smoothing_length / wave_speed;
-  steps_per_sample = static_cast<std::uint64_t>(std::ceil(sample_period / largest_step));
-  time_step = sample_period / static_cast<double>(steps_per_sample);
   // Settling takes whole samples, so that time 0 is one.
   settle_steps =
       steps_per_sample * static_cast<std::uint64_t>(std::llround(s.procedure.settle_duration_s / sample_period));
@@ -256,6 +267,10 @@ void Simulation::Impl::moveRig() {
   crane.step(time_step, wanted, flags);
   collector.step(time_step, fold_order, contact_sum.opening_moment_nm, flags);
   ++step_count;
+  active_particle_steps += ice.activeSet().awakeCount();
+  // What the rig may touch soon stays awake.
+  const Eigen::Vector3d hub = hubPosition();
+  ice.keepAwake(hub.head<2>(), collector.armLength() + 2.0 * scenario.field.spacing_m);
   updateForces();
   if (audit) audit->observeRig(rigInstant());
   if (step_count % steps_per_sample == 0) load_cell.sample();
@@ -280,6 +295,9 @@ std::size_t Simulation::particleCount() const {
 }
 std::uint64_t Simulation::stepCount() const {
   return impl_->step_count;
+}
+std::uint64_t Simulation::activeParticleSteps() const {
+  return impl_->active_particle_steps;
 }
 bool Simulation::frozen() const {
   return impl_->frozen;
@@ -318,16 +336,29 @@ StepReport Simulation::advance(double duration_s) {
 #pragma omp parallel num_threads(world.scenario.solver.threads)
   for (std::int64_t step = 0; step < steps; ++step) {
     if (world.frozen) break;
+    if (step == 0) {
 #pragma omp single
-    world.takeCommands();
+      world.takeCommands();
+    }
     const double damping = world.step_count < world.settle_steps ? world.scenario.procedure.settle_damping_per_s : 0.0;
     world.ice.updateGradients();
     if (world.audit) world.audit->beginStep();
     world.ice.updateStress(world.time_step);
+    if (!world.audit) {
+      // The rest of the step is one thread's, without a barrier in between.
+      world.ice.updateMotion(world.time_step, damping, external, [&world, last = step + 1 == steps] {
+        world.moveRig();
+        if (!last) world.takeCommands();
+      });
+      continue;
+    }
     world.ice.updateMotion(world.time_step, damping, external);
-    if (world.audit) world.audit->endStep(damping);
+    world.audit->endStep(damping);
 #pragma omp single
-    world.moveRig();
+    {
+      world.moveRig();
+      if (step + 1 < steps) world.takeCommands();
+    }
   }
   if (world.frozen) world.flags.set(StatusFlag::kNonFinite);
 

@@ -27,7 +27,8 @@ SphBody::SphBody(const SphSettings& settings, const Material& material, const st
       material_(material),
       kernels_(sphKernels(chosenInstructionSet())),
       position_(position_m),
-      fixed_(fixed.begin(), fixed.end()) {
+      fixed_(fixed.begin(), fixed.end()),
+      active_(settings.active_set, position_m, fixed) {
   assert(position_m.size() == fixed.size());
   assert(settings.particle_volume_m3 > 0.0 && settings.density_kgpm3 > 0.0 && settings.smoothing_length_m > 0.0);
   const std::size_t count = position_.size();
@@ -138,6 +139,7 @@ bool SphBody::search() {
     longest_ = *std::max_element(smoothing_length_.begin(), smoothing_length_.end());
   }
   findNeighbours(reference_, 2.0 * longest_ + settings_.skin_m, candidates_);
+  active_.setNeighbours(candidates_);
   searched_position_ = reference_;
   longest_at_search_ = longest_;
 
@@ -219,14 +221,19 @@ Eigen::Matrix3f SphBody::velocityGradient(std::size_t i) const {
 
 void SphBody::updateStress(double time_step_s) {
   const SphRows rows = this->rows();
+  const auto& awake = active_.awake();
+  const auto& watched = active_.watched();
 #pragma omp for schedule(static)
-  for (std::size_t tile = 0; tile < tiles(); ++tile) updateTile(rows, tile, static_cast<float>(time_step_s));
-#pragma omp for schedule(static) nowait  // who has a force here moves the same particle in updateMotion()
-  for (std::size_t tile = 0; tile < tiles(); ++tile) kernels_.force(rows, tileBegin(tile), tileEnd(tile));
+  for (std::size_t run = 0; run < awake.size(); ++run) updateRun(rows, awake[run], static_cast<float>(time_step_s));
+    // Who computes a force here moves the same particle in updateMotion(), so that neither loop waits.
+#pragma omp for schedule(static) nowait
+  for (std::size_t run = 0; run < awake.size(); ++run) kernels_.force(rows, awake[run].begin, awake[run].end);
+#pragma omp for schedule(static) nowait
+  for (std::size_t run = 0; run < watched.size(); ++run) kernels_.force(rows, watched[run].begin, watched[run].end);
 }
 
-void SphBody::updateTile(const SphRows& rows, std::size_t tile, float time_step_s) {
-  const std::size_t begin = tileBegin(tile), end = tileEnd(tile);
+void SphBody::updateRun(const SphRows& rows, const ActiveSet::Run& run, float time_step_s) {
+  const std::size_t begin = run.begin, end = run.end;
   const auto rest_volume = static_cast<float>(settings_.particle_volume_m3);
   const auto limit = static_cast<float>(settings_.volume_ratio_limit);
   kernels_.strain(rows, begin, end, time_step_s, rest_volume / limit, rest_volume * limit);
@@ -240,6 +247,14 @@ void SphBody::updateTile(const SphRows& rows, std::size_t tile, float time_step_
   for (auto& values : state_) batch.state.push_back(values.data() + begin);
   material_.update(batch);
   kernels_.correctStress(rows, begin, end);
+}
+
+void SphBody::updateActiveSet() {
+  active_.endStep(position_, awake_axis_, awake_radius_, fallen_asleep_);
+  for (const std::size_t i : fallen_asleep_) {
+    velocity_[i].setZero();
+    viscosity_[i].setZero();
+  }
 }
 
 }  // namespace brash_ice_rig

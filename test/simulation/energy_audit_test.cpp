@@ -323,6 +323,8 @@ TEST(EnergyOfAPullUp, IsFoundAgainWithinATenthOfAPercent) {
 
 TEST(EnergyOfAPullUp, ImbalanceIsOfFirstOrderInTheTimeStep) {
   Scenario coarse = pullUp(), fine = pullUp();
+  // Ice that falls asleep loses a little, too, whatever the step.
+  coarse.solver.active_set = fine.solver.active_set = false;
   coarse.solver.cfl_ratio = 0.9;
   fine.solver.cfl_ratio = 0.45;
   ASSERT_NEAR(Simulation(coarse).timeStep(), 5.0e-3, 1.0e-9);

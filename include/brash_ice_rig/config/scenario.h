@@ -260,7 +260,7 @@ enum class SmoothingLength { kConstant, kVariable };
 /// Discretisation. None of these keys is a property of the ice.
 struct SolverConfig {
   double stiffness_scale = 1.0e-3;
-  double cfl_ratio = 0.5;
+  double cfl_ratio = 0.81;
   double smoothing_ratio = 1.2;
   SmoothingLength smoothing_length = SmoothingLength::kConstant;
   double viscosity_ratio = 0.1;
@@ -269,6 +269,9 @@ struct SolverConfig {
   double determinant_limit = 0.1;
   double neighbour_skin_ratio = 0.15;
   double gradient_refresh_ratio = 0.01;
+  bool active_set = true;
+  double quiet_force_ratio = 0.02;
+  double quiet_time_s = 0.1;
   int threads = 2;
 
   template <class Visitor>
@@ -287,6 +290,10 @@ struct SolverConfig {
     v("neighbour_skin_ratio", neighbour_skin_ratio, Range{0.01, 1.0}, "margin of the neighbour search, in spacings");
     v("gradient_refresh_ratio", gradient_refresh_ratio, Range{0.0, 0.1},
       "kernel gradients are recomputed once a particle has moved by this, in spacings");
+    v("active_set", active_set, "ice at rest is not computed until something pushes it");
+    v("quiet_force_ratio", quiet_force_ratio, Range{0.0, 1.0, true},
+      "force that may hold a sleeping particle in place, over its weight (active_set)");
+    v("quiet_time_s", quiet_time_s, Range{0.0, 600.0, true}, "rest before ice falls asleep (active_set)");
     v("threads", threads, Range{1.0, 256.0}, "OpenMP threads; results do not depend on it");
   }
 };

@@ -57,6 +57,7 @@ struct RunSummary {
   double wall_s = 0.0;
   double real_time_factor = 0.0;      ///< simulated_s / wall_s
   double ns_per_particle_step = 0.0;  ///< wall time spent in the simulation, per particle and step
+  double active_ratio = 1.0;          ///< share of the particles that were computed, mean over the steps
   std::size_t particle_count = 0;
   std::uint64_t step_count = 0;
   double dt_s = 0.0;

@@ -55,6 +55,7 @@ class RunWriter {
   StatusFlags flags_;
   double sample_period_s_;
   std::uint64_t first_step_;
+  std::uint64_t first_active_particle_steps_;
   std::uint64_t rows_since_flush_ = 0;
   double plug_due_s_ = 0.0;
 };

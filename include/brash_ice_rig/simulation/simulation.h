@@ -37,6 +37,8 @@ class Simulation {
   double samplePeriod() const;
   std::size_t particleCount() const;
   std::uint64_t stepCount() const;
+  /// Particles computed, summed over all steps: sleeping ones are not (solver.active_set).
+  std::uint64_t activeParticleSteps() const;
 
   /// Velocity of the crane tip, m/s, frame map. Counts only in manual control, for crane.command_timeout_s of simulated
   /// time; raises a flag otherwise. A value that is not finite is refused and stops the crane.

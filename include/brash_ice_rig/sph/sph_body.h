@@ -11,6 +11,7 @@
 #include <Eigen/StdVector>
 
 #include "brash_ice_rig/material/material.h"
+#include "brash_ice_rig/sph/active_set.h"
 #include "brash_ice_rig/sph/neighbour_search.h"
 #include "brash_ice_rig/sph/sph_kernels.h"
 
@@ -32,6 +33,7 @@ struct SphSettings {
   double refresh_distance_m = 0.003;  ///< gradients are recomputed around a particle that has moved this far
   /// Each particle's h follows its volume by smoothingGrowth().
   bool variable_smoothing_length = false;
+  ActiveSetSettings active_set;
 };
 
 /// A body of renormalised total-stress SPH particles (doc/theory.md, section SPH):
@@ -80,9 +82,11 @@ class SphBody {
     const float dt_over_mass = static_cast<float>(time_step_s / particleMass());
     float fastest_squared = 0.0f;
     bool sound = true;
+    const bool sampling = active_.sampling();
 #pragma omp for schedule(static) nowait
-    for (std::size_t tile = 0; tile < tiles(); ++tile) {
-      for (std::size_t i = tileBegin(tile); i < tileEnd(tile); ++i) {
+    for (std::size_t run = 0; run < active_.awake().size(); ++run) {
+      for (std::size_t i = active_.awake()[run].begin; i < active_.awake()[run].end; ++i) {
+        if (sampling) active_.sampleStress(i, stress_);
         if (fixed_[i]) continue;
         const Eigen::Vector4f velocity = velocity_[i] * decay + dt_over_mass * (force_[i] + external(i));
         const float speed_squared = velocity.head<3>().squaredNorm();
@@ -95,6 +99,12 @@ class SphBody {
         position_[i] += (dt * velocity.head<3>()).template cast<double>();
       }
     }
+#pragma omp for schedule(static) nowait
+    for (std::size_t run = 0; run < active_.watched().size(); ++run) {
+      for (std::size_t i = active_.watched()[run].begin; i < active_.watched()[run].end; ++i) {
+        active_.sampleForce(i, force_[i] + external(i));
+      }
+    }
 #pragma omp critical(brash_ice_rig_sph_motion)
     {
       fastest_squared_ = std::max(fastest_squared_, fastest_squared);
@@ -105,12 +115,22 @@ class SphBody {
     {
       unchecked_way_ += time_step_s * std::sqrt(static_cast<double>(fastest_squared_));
       fastest_squared_ = 0.0f;
+      updateActiveSet();
       then();
     }
   }
   template <class ExternalForce>
   void updateMotion(double time_step_s, double damping_per_s, const ExternalForce& external) {
     updateMotion(time_step_s, damping_per_s, external, [] {});
+  }
+
+  /// Particles within this distance of a vertical axis do not sleep; none at first. One thread.
+  void keepAwake(const Eigen::Vector2d& axis_m, double radius_m) {
+    awake_axis_ = axis_m;
+    awake_radius_ = radius_m;
+  }
+  const ActiveSet& activeSet() const {
+    return active_;
   }
 
   /// False after updateMotion() met a velocity that cannot be: the integration has broken down.
@@ -161,16 +181,6 @@ class SphBody {
   void setStress(std::size_t i, const std::array<float, kComponents>& stress_pa);
 
  private:
-  std::size_t tiles() const {
-    return (size() + kTile - 1) / kTile;
-  }
-  std::size_t tileBegin(std::size_t tile) const {
-    return tile * kTile;
-  }
-  std::size_t tileEnd(std::size_t tile) const {
-    return std::min((tile + 1) * kTile, size());
-  }
-
   SphRows rows();
   void checkMoves();
   void takeReferences();
@@ -183,10 +193,8 @@ class SphBody {
     }
   }
   void refreshRow(std::size_t i);
-  void updateTile(const SphRows& rows, std::size_t tile, float time_step_s);
-
-  /// Particles that a thread takes at a time.
-  static constexpr std::size_t kTile = 64;
+  void updateRun(const SphRows& rows, const ActiveSet::Run& run, float time_step_s);
+  void updateActiveSet();
 
   SphSettings settings_;
   const Material& material_;
@@ -227,6 +235,11 @@ class SphBody {
   std::vector<Eigen::Vector3d> searched_position_;  ///< where candidates_ were found
   double longest_ = 0.0, longest_at_search_ = 0.0;  ///< largest h_i since then, and at that time
   double unchecked_way_ = 0.0;                      ///< upper bound of any particle's way since checkMoves()
+
+  ActiveSet active_;
+  Eigen::Vector2d awake_axis_ = Eigen::Vector2d::Zero();
+  double awake_radius_ = 0.0;
+  std::vector<std::size_t> fallen_asleep_;
 
   float fastest_squared_ = 0.0f;
   bool sound_ = true;

@@ -1,0 +1,153 @@
+#include "brash_ice_rig/sph/active_set.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+namespace brash_ice_rig {
+
+ActiveSet::ActiveSet(const ActiveSetSettings& settings, const std::vector<Eigen::Vector3d>& position_m,
+                     const std::vector<bool>& fixed)
+    : settings_(settings), fixed_(fixed.begin(), fixed.end()), awake_count_(fixed.size()) {
+  const std::size_t count = fixed.size();
+  group_awake_.assign((count + kGroup - 1) / kGroup, 1);
+  group_row_.assign(group_awake_.size() + 1, 0);
+  largest_force_ = static_cast<float>(settings.quiet_force_n);
+  makeRuns();
+  if (!settings.enabled) return;
+  assert(settings.quiet_force_n > 0.0 && settings.quiet_way_m > 0.0 && settings.quiet_time_s > 0.0);
+  assert(settings.spacing_m > 0.0 && settings.time_step_s > 0.0);
+  sample_steps_ =
+      std::max(kShortestSample, static_cast<std::uint64_t>(std::llround(kSamplePeriod / settings.time_step_s)));
+  window_steps_ = kSamples * sample_steps_;
+  const double window_s = static_cast<double>(window_steps_) * settings.time_step_s;
+  quiet_windows_ = static_cast<std::uint64_t>(std::ceil(settings.quiet_time_s / window_s));
+  quiet_for_.assign(group_awake_.size(), 0);
+  stress_sum_.assign(count, Stress{});
+  anchor_stress_ = stress_sum_;
+  anchor_position_ = position_m;
+  pushed_.assign(count, 0);
+}
+
+void ActiveSet::setNeighbours(const NeighbourList& neighbours) {
+  if (!settings_.enabled) return;
+  std::vector<std::size_t> last_seen(group_awake_.size(), group_awake_.size());
+  group_neighbour_.clear();
+  for (std::size_t group = 0; group < group_awake_.size(); ++group) {
+    const std::size_t begin = neighbours.row_begin[group * kGroup], end = neighbours.row_begin[groupEnd(group)];
+    for (std::size_t c = begin; c < end; ++c) {
+      const std::size_t other = static_cast<std::size_t>(neighbours.index[c]) / kGroup;
+      if (last_seen[other] == group) continue;
+      last_seen[other] = group;
+      group_neighbour_.push_back(other);
+    }
+    group_row_[group + 1] = group_neighbour_.size();
+  }
+  makeRuns();
+}
+
+void ActiveSet::endStep(const std::vector<Eigen::Vector3d>& position_m, const Eigen::Vector2d& axis_m, double radius_m,
+                        std::vector<std::size_t>& fallen_asleep) {
+  fallen_asleep.clear();
+  if (!settings_.enabled) return;
+  ++step_;
+  bool changed = sampling_ && wake();
+  if (step_ % window_steps_ == 0) changed = letSleep(position_m, axis_m, radius_m, fallen_asleep) || changed;
+  if (changed) makeRuns();
+  sampling_ = (step_ + 1) % sample_steps_ == 0;
+}
+
+/// Groups that are pushed.
+bool ActiveSet::wake() {
+  bool changed = false;
+  for (const Run& run : border_) {
+    for (std::size_t i = run.begin; i < run.end; ++i) {
+      if (pushed_[i] == 0) continue;
+      pushed_[i] = 0;
+      group_awake_[i / kGroup] = 1;
+      quiet_for_[i / kGroup] = 0;
+      changed = true;
+    }
+  }
+  return changed;
+}
+
+/// Groups that have been quiet for long enough; and what the rig may touch soon wakes up.
+bool ActiveSet::letSleep(const std::vector<Eigen::Vector3d>& position_m, const Eigen::Vector2d& axis_m, double radius_m,
+                         std::vector<std::size_t>& fallen_asleep) {
+  bool changed = false;
+  const double radius_squared = radius_m * radius_m;
+  for (std::size_t group = 0; group < group_awake_.size(); ++group) {
+    const std::size_t begin = group * kGroup, end = groupEnd(group);
+    bool near = false, quiet = true;
+    for (std::size_t i = begin; i < end; ++i) {
+      near = near || (position_m[i].head<2>() - axis_m).squaredNorm() < radius_squared;
+    }
+    if (group_awake_[group] == 0) {
+      if (!near) continue;
+      group_awake_[group] = 1;
+      quiet_for_[group] = 0;
+      changed = true;
+      continue;
+    }
+    for (std::size_t i = begin; i < end; ++i) quiet = quiet && isQuiet(i, position_m[i]);
+    if (!quiet || quiet_for_[group] == 0) {
+      quiet_for_[group] = quiet ? 1 : 0;
+      for (std::size_t i = begin; i < end; ++i) setAnchor(i, position_m[i]);
+    } else if (++quiet_for_[group] > quiet_windows_ && !near) {
+      group_awake_[group] = 0;
+      changed = true;
+      for (std::size_t i = begin; i < end; ++i) fallen_asleep.push_back(i);
+    }
+    for (std::size_t i = begin; i < end; ++i) stress_sum_[i] = Stress{};
+  }
+  return changed;
+}
+
+/// Near the anchor in place and in mean stress.
+bool ActiveSet::isQuiet(std::size_t i, const Eigen::Vector3d& position_m) const {
+  const double way = settings_.quiet_way_m;
+  if (!((position_m - anchor_position_[i]).squaredNorm() <= way * way)) return false;
+  const auto largest = static_cast<float>(settings_.quiet_force_n / (settings_.spacing_m * settings_.spacing_m));
+  for (std::size_t c = 0; c < kComponents; ++c) {
+    const float mean = stress_sum_[i][c] / static_cast<float>(kSamples);
+    if (!(std::abs(mean - anchor_stress_[i][c]) <= largest)) return false;
+  }
+  return true;
+}
+
+void ActiveSet::setAnchor(std::size_t i, const Eigen::Vector3d& position_m) {
+  anchor_position_[i] = position_m;
+  for (std::size_t c = 0; c < kComponents; ++c) {
+    anchor_stress_[i][c] = stress_sum_[i][c] / static_cast<float>(kSamples);
+  }
+}
+
+void ActiveSet::makeRuns() {
+  const auto collect = [this](const std::vector<char>& wanted, std::vector<Run>& runs) {
+    runs.clear();
+    for (std::size_t group = 0; group < wanted.size(); ++group) {
+      if (wanted[group] == 0) continue;
+      const std::size_t begin = group * kGroup, end = groupEnd(group);
+      if (!runs.empty() && runs.back().end == begin && end - runs.back().begin <= kLongestRun) {
+        runs.back().end = end;
+      } else {
+        runs.push_back({begin, end});
+      }
+    }
+  };
+  collect(group_awake_, awake_);
+  awake_count_ = 0;
+  for (const Run& run : awake_) awake_count_ += run.end - run.begin;
+
+  border_group_.assign(group_awake_.size(), 0);
+  for (std::size_t group = 0; group < group_awake_.size(); ++group) {
+    if (group_awake_[group] != 0) continue;
+    for (std::size_t n = group_row_[group]; n < group_row_[group + 1]; ++n) {
+      if (group_awake_[group_neighbour_[n]] != 0) border_group_[group] = 1;
+    }
+  }
+  collect(border_group_, border_);
+}
+
+}  // namespace brash_ice_rig

@@ -1,0 +1,208 @@
+#include "brash_ice_rig/sph/active_set.h"
+
+#include <cmath>
+#include <limits>
+#include <memory>
+
+#include <gtest/gtest.h>
+
+#include "brash_ice_rig/sph/sph_body.h"
+#include "elastic_material.h"
+
+namespace brash_ice_rig {
+namespace {
+
+constexpr double kSpacing = 0.3, kStep = 0.002;
+
+ActiveSetSettings settings() {
+  ActiveSetSettings s;
+  s.enabled = true;
+  s.quiet_force_n = 1.0;
+  s.quiet_way_m = 0.001;
+  s.quiet_time_s = 0.1;
+  s.spacing_m = kSpacing;
+  s.time_step_s = kStep;
+  return s;
+}
+
+/// Forty particles in a line, five groups; each neighbours the next two on both sides.
+struct Line {
+  explicit Line(const ActiveSetSettings& s = settings(), bool all_fixed = false) {
+    for (int i = 0; i < 40; ++i) position.emplace_back(kSpacing * i, 0.0, 0.0);
+    neighbours.row_begin.push_back(0);
+    for (int i = 0; i < 40; ++i) {
+      for (int j = std::max(0, i - 2); j <= std::min(39, i + 2); ++j) {
+        if (j != i) neighbours.index.push_back(j);
+      }
+      neighbours.row_begin.push_back(neighbours.index.size());
+    }
+    for (auto& component : stress) component.assign(40, 0.0f);
+    set = std::make_unique<ActiveSet>(s, position, std::vector<bool>(40, all_fixed));
+    set->setNeighbours(neighbours);
+  }
+
+  /// @param force  on each sleeping particle that is watched, N
+  void step(float force = 0.0f) {
+    if (set->sampling()) {
+      for (const auto& run : set->awake()) {
+        for (std::size_t i = run.begin; i < run.end; ++i) set->sampleStress(i, stress);
+      }
+      for (const auto& run : set->watched()) {
+        for (std::size_t i = run.begin; i < run.end; ++i) set->sampleForce(i, {0.0f, force, 0.0f, 0.0f});
+      }
+    }
+    set->endStep(position, {1000.0, 0.0}, 1.0, fallen_asleep);
+  }
+  void rest(double duration_s) {
+    for (int k = 0; k < std::lround(duration_s / kStep); ++k) step();
+  }
+
+  std::vector<Eigen::Vector3d> position;
+  std::array<std::vector<float>, kComponents> stress;
+  NeighbourList neighbours;
+  std::unique_ptr<ActiveSet> set;
+  std::vector<std::size_t> fallen_asleep;
+};
+
+TEST(ActiveSet, WhatRestsFallsAsleepAfterTheQuietTimeAndNotBefore) {
+  Line line;
+  line.rest(0.09);
+  EXPECT_EQ(line.set->awakeCount(), 40u);
+  line.rest(0.15);
+  EXPECT_EQ(line.set->awakeCount(), 0u);
+}
+
+TEST(ActiveSet, NoneSleepsUnlessEnabled) {
+  ActiveSetSettings s = settings();
+  s.enabled = false;
+  Line line(s);
+  line.rest(1.0);
+  EXPECT_EQ(line.set->awakeCount(), 40u);
+  EXPECT_FALSE(line.set->sampling());
+}
+
+TEST(ActiveSet, OneThatMovesKeepsItsGroupAwake) {
+  Line line;
+  for (int k = 0; k < 500; ++k) {
+    line.position[18].z() += 0.02 * kStep;  // 2 mm in the quiet time
+    line.step();
+  }
+  EXPECT_EQ(line.set->awakeCount(), 8u);
+  EXPECT_TRUE(line.set->isAwake(18));
+}
+
+TEST(ActiveSet, StressThatDriftsKeepsAwakeAndAWaveDoesNot) {
+  Line line;
+  // 1 N over (0.3 m)² is 11 Pa: a drift of 150 Pa/s is too much for 0.1 s; a wave of 500 Pa has no mean.
+  for (int k = 0; k < 500; ++k) {
+    line.stress[1][2] += 150.0f * static_cast<float>(kStep);
+    line.stress[4][34] = (k / 2) % 2 == 0 ? 500.0f : -500.0f;
+    line.step();
+  }
+  EXPECT_TRUE(line.set->isAwake(2));
+  EXPECT_FALSE(line.set->isAwake(34));
+}
+
+TEST(ActiveSet, IceNearTheRigDoesNotSleepAndWakesUpWhenTheRigComes) {
+  Line line;
+  const auto stepWithRigAt = [&line](double x) {
+    if (line.set->sampling()) {
+      for (const auto& run : line.set->awake()) {
+        for (std::size_t i = run.begin; i < run.end; ++i) line.set->sampleStress(i, line.stress);
+      }
+    }
+    line.set->endStep(line.position, {x, 0.0}, 0.5, line.fallen_asleep);
+  };
+  for (int k = 0; k < 500; ++k) stepWithRigAt(0.0);
+  EXPECT_EQ(line.set->awakeCount(), 8u);
+  EXPECT_TRUE(line.set->isAwake(0));
+  for (int k = 0; k < 50; ++k) stepWithRigAt(11.0);
+  EXPECT_TRUE(line.set->isAwake(36));
+}
+
+TEST(ActiveSet, AForceBeyondTheQuietOneWakesTheBorderGroupByGroup) {
+  Line line;
+  const auto settle = [&line] {
+    for (int k = 0; k < 500; ++k) {
+      line.position[0].z() += 0.02 * kStep;
+      line.step(0.9f);
+    }
+  };
+  settle();
+  ASSERT_EQ(line.set->awakeCount(), 8u);  // 0.9 N wakes none
+  int steps = 0;
+  while (line.set->awakeCount() < 16 && steps < 100) {
+    line.step(1.1f);
+    ++steps;
+  }
+  EXPECT_EQ(line.set->awakeCount(), 16u);
+  EXPECT_LE(steps, 2);
+  EXPECT_TRUE(line.set->isAwake(8));
+  EXPECT_FALSE(line.set->isAwake(16));
+}
+
+TEST(ActiveSet, AForceThatIsNotANumberWakes) {
+  Line line;
+  for (int k = 0; k < 500; ++k) {
+    line.position[0].z() += 0.02 * kStep;
+    line.step();
+  }
+  ASSERT_FALSE(line.set->isAwake(8));
+  for (int k = 0; k < 3; ++k) line.step(std::numeric_limits<float>::quiet_NaN());
+  EXPECT_TRUE(line.set->isAwake(8));
+}
+
+TEST(ActiveSet, NoForceWakesFixedParticles) {
+  Line line(settings(), true);
+  for (int k = 0; k < 500; ++k) {
+    line.position[0].z() += 0.02 * kStep;
+    line.step(1000.0f);
+  }
+  EXPECT_EQ(line.set->awakeCount(), 8u);
+}
+
+// A bar of ice at rest that is struck at one end: the pulse must run through the sleeping ice, and come out as it does
+// where all is awake.
+TEST(ActiveSet, APulseRunsThroughIceThatWasAsleep) {
+  const ElasticMaterial material(7.5e5, 3.5e5);
+  std::vector<Eigen::Vector3d> points;
+  for (int x = 0; x < 60; ++x) {
+    for (int y = 0; y < 4; ++y) {
+      for (int z = 0; z < 4; ++z) points.emplace_back(kSpacing * x, kSpacing * y, kSpacing * z);
+    }
+  }
+  SphSettings s;
+  s.particle_volume_m3 = std::pow(kSpacing, 3);
+  s.density_kgpm3 = 360.0;
+  s.smoothing_length_m = 1.2 * kSpacing;
+  const auto run = [&](bool sleeps) {
+    s.active_set = settings();
+    s.active_set.quiet_force_n = 0.01;
+    s.active_set.enabled = sleeps;
+    SphBody body(s, material, points, std::vector<bool>(points.size(), false));
+    const auto advance = [&body](int steps) {
+      for (int k = 0; k < steps; ++k) {
+        body.updateGradients();
+        body.updateStress(kStep);
+        body.updateMotion(kStep, 0.0, [](std::size_t) { return Eigen::Vector4f(Eigen::Vector4f::Zero()); });
+      }
+    };
+    advance(200);
+    EXPECT_EQ(body.activeSet().awakeCount(), sleeps ? 0u : points.size());
+    // Nobody watches a body that sleeps as a whole: the rig, here at the bar's end, wakes what it is near.
+    body.keepAwake({0.0, 0.0}, 0.5);
+    advance(40);
+    for (std::size_t i = 0; i < 16; ++i) body.setVelocity(i, {0.1, 0.0, 0.0});
+    advance(300);  // 0.6 s: at 50 m/s the pulse needs 0.36 s to the far end, and is on its way back
+    double way = 0.0;
+    for (std::size_t i = points.size() - 16; i < points.size(); ++i) way += (body.position()[i] - points[i]).x() / 16.0;
+    return way;
+  };
+  const double asleep = run(true), awake = run(false);
+  EXPECT_GT(awake, 1e-3);
+  // The 48 particles ahead of the pulse may each hold back 0.01 N for as long as it runs, 0.36 s, of 15.6 N s.
+  EXPECT_NEAR(asleep, awake, 48.0 * 0.01 * 0.36 / 15.6 * awake);
+}
+
+}  // namespace
+}  // namespace brash_ice_rig

@@ -1,5 +1,9 @@
 #include "brash_ice_rig/material/cap_kernels.h"
 
+#if defined(__SSE2__)
+#include <immintrin.h>  // its functions are always inlined
+#endif
+
 #include "brash_ice_rig/simd/lanes.h"
 
 namespace brash_ice_rig {
@@ -33,6 +37,41 @@ constexpr int kMaxIterations = 60;  // a return that takes more is left
 constexpr double kLargestFloat = 3.4028234663852886e38;
 constexpr double kRootOfThree = 1.7320508075688772;
 
+// What the compiler's vectors do not do well by themselves.
+
+BRASH_ICE_INLINE Doubles select(Mask mask, Doubles yes, Doubles no) {
+#if defined(__AVX512F__)
+  return mask ? yes : no;
+#elif defined(__AVX2__)
+  return _mm256_blendv_pd(no, yes, (__m256d)mask);
+#else
+  return (Doubles)(((Mask)yes & mask) | ((Mask)no & ~mask));
+#endif
+}
+
+BRASH_ICE_INLINE bool any(Mask mask) {
+#if defined(__AVX512F__)
+  return _mm512_test_epi64_mask((__m512i)mask, (__m512i)mask) != 0;
+#elif defined(__AVX2__)
+  return _mm256_movemask_pd((__m256d)mask) != 0;
+#else
+  return (mask[0] | mask[1]) != 0;
+#endif
+}
+
+BRASH_ICE_INLINE Doubles widen(Floats value) {
+#if defined(__AVX512F__)
+  return _mm512_maskz_cvtps_pd(0xff, value);
+#elif defined(__AVX2__)
+  return _mm256_cvtps_pd(value);
+#else
+  return Doubles{static_cast<double>(value[0]), static_cast<double>(value[1])};
+#endif
+}
+BRASH_ICE_INLINE Doubles widen(const float* from) {
+  return widen(load<Floats>(from));
+}
+
 BRASH_ICE_INLINE Doubles splat(double value) {
   return value - Doubles{};
 }
@@ -40,14 +79,27 @@ BRASH_ICE_INLINE Doubles abs(Doubles x) {
   return (Doubles)((Bits)x & ~(1ull << 63));
 }
 BRASH_ICE_INLINE Doubles larger(Doubles a, Doubles b) {
-  return a < b ? b : a;
+  return select(a < b, b, a);
 }
 BRASH_ICE_INLINE Doubles smaller(Doubles a, Doubles b) {
-  return b < a ? b : a;
+  return select(b < a, b, a);
 }
-BRASH_ICE_INLINE Doubles select(Mask mask, Doubles yes, Doubles no) {
-  return mask ? yes : no;
+
+/// To float, clamped to its range.
+BRASH_ICE_INLINE Floats narrow(Doubles value) {
+  value = larger(smaller(value, splat(kLargestFloat)), splat(-kLargestFloat));
+#if defined(__AVX512F__)
+  return _mm512_maskz_cvtpd_ps(0xff, value);
+#elif defined(__AVX2__)
+  return _mm256_cvtpd_ps(value);
+#else
+  return Floats{static_cast<float>(value[0]), static_cast<float>(value[1])};
+#endif
 }
+BRASH_ICE_INLINE Doubles asFloat(Doubles value) {
+  return widen(narrow(value));
+}
+
 BRASH_ICE_INLINE Mask isFinite(Doubles x) {
   return x - x == 0.0;
 }
@@ -58,31 +110,27 @@ BRASH_ICE_INLINE Doubles squareRoot(Doubles x) {
   return result;
 }
 
-BRASH_ICE_INLINE bool any(Mask mask) {
-  std::int64_t joined = 0;
-  for (std::size_t i = 0; i < kWidth; ++i) joined |= mask[i];
-  return joined != 0;
+/// Sum of c[i] x^i, i < n, in Estrin's order, whose chain of operations is short.
+/// @param powers  x, x², x⁴, ...
+template <std::size_t n>
+BRASH_ICE_INLINE Doubles computeSum(const double* c, const Doubles* powers) {
+  if constexpr (n == 1) {
+    return splat(c[0]);
+  } else if constexpr (n == 2) {
+    return c[0] + c[1] * powers[0];
+  } else {
+    constexpr std::size_t kHalf = n > 8 ? 8 : n > 4 ? 4 : 2;
+    return computeSum<kHalf>(c, powers) + computeSum<n - kHalf>(c + kHalf, powers) * powers[kHalf == 8 ? 3 : kHalf / 2];
+  }
 }
 
-BRASH_ICE_INLINE Doubles widen(const float* from) {
-  return __builtin_convertvector(load<Floats>(from), Doubles);
-}
-
-/// To float, clamped to its range.
-BRASH_ICE_INLINE Floats narrow(Doubles value) {
-  const Doubles largest = splat(kLargestFloat);
-  return __builtin_convertvector(value > largest ? largest : value < -largest ? -largest : value, Floats);
-}
-BRASH_ICE_INLINE Doubles asFloat(Doubles value) {
-  return __builtin_convertvector(narrow(value), Doubles);
-}
-
-/// Horner's scheme, the constant term first.
+/// Polynomial of degree n - 1 ≤ 15, the constant term first.
 template <std::size_t n>
 BRASH_ICE_INLINE Doubles polynomial(const double (&coefficients)[n], Doubles x) {
-  Doubles sum = splat(coefficients[n - 1]);
-  for (std::size_t i = n - 1; i-- > 0;) sum = sum * x + coefficients[i];
-  return sum;
+  static_assert(n <= 16);
+  const Doubles square = x * x, fourth = square * square;
+  const Doubles powers[] = {x, square, fourth, fourth * fourth};
+  return computeSum<n>(coefficients, powers);
 }
 
 constexpr double kLn2High = 0x1.62e42fefa0000p-1, kLn2Low = 0x1.cf79abc9e3b3ap-40;  // the first times 2^11 is exact
@@ -102,6 +150,15 @@ BRASH_ICE_INLINE Doubles computeLog(Doubles x) {
   const Doubles s = (m - 1.0) / (m + 1.0);
   const Doubles z = s * s;
   return k * kLn2High + (2.0 * s + (s * z * polynomial(kCoefficients, z) + k * kLn2Low));
+}
+
+/// ln(1 + r) for |r| ≤ 1/32.
+BRASH_ICE_INLINE Doubles computeLogNearOne(Doubles r) {
+  // (ln(1 + r) - r) / r², to 2e-17 / r.
+  constexpr double kCoefficients[] = {-0.49999999999999928, 0.3333333333333327,   -0.2500000000233204,
+                                      0.20000000002120089,  -0.16666654728256261, 0.14285703432369223,
+                                      -0.1251955312667663,  0.11128886987006753};
+  return r + r * r * polynomial(kCoefficients, r);
 }
 
 /// e^x = 2^k e^r with |r| ≤ ln(2) / 2.
@@ -245,9 +302,13 @@ struct Open {
   alignas(64) double increment[kCapTile];  // plastic compaction of this step
   alignas(64) std::int64_t yields[kCapTile];
   alignas(64) std::int64_t left[kCapTile];
-  // Those whose return needs iterations: where they are above, and the bracket of their increment.
-  std::uint32_t iterating[kCapTile];
+  // Where iterations begin: the bracket of the increment, the first one and its cap.
   alignas(64) double outside[kCapTile], inside[kCapTile], first[kCapTile];
+  alignas(64) double first_start[kCapTile], first_width[kCapTile], first_inverse_width[kCapTile],
+      first_hardening[kCapTile];
+  alignas(64) double logarithm[kCapTile], inverse_rest[kCapTile];  // of the old cap
+  // Which ones those are.
+  std::uint32_t iterating[kCapTile];
 };
 
 std::size_t roundUp(std::size_t count) {
@@ -255,21 +316,58 @@ std::size_t roundUp(std::size_t count) {
 }
 
 struct Cap {
-  Doubles start, width, hardening;
+  Doubles start, width, inverse_width, hardening;
 };
 
-BRASH_ICE_INLINE Cap computeCap(const CapConstants& p, Doubles compaction) {
-  const Doubles e = select(compaction > 0.0, compaction, Doubles{});
-  const Doubles u = smaller(e, splat(p.tangent_onset));
-  const Doubles logarithm = -computeLog(1.0 - u * (1.0 / p.max_compaction));
+BRASH_ICE_INLINE Cap select(Mask mask, const Cap& yes, const Cap& no) {
+  return {select(mask, yes.start, no.start), select(mask, yes.width, no.width),
+          select(mask, yes.inverse_width, no.inverse_width), select(mask, yes.hardening, no.hardening)};
+}
+
+/// Where a cap starts to move from.
+struct OldCap {
+  Doubles compaction;    // within [0, onset of the tangent]
+  Doubles logarithm;     // -ln(1 - e / W)
+  Doubles inverse_rest;  // 1 / (W - e)
+};
+
+BRASH_ICE_INLINE Doubles compactionOfEq12(const CapConstants& p, Doubles compaction) {
+  return smaller(select(compaction > 0.0, compaction, Doubles{}), splat(p.tangent_onset));
+}
+
+BRASH_ICE_INLINE Doubles computeLogarithm(const CapConstants& p, Doubles compaction) {
+  return -computeLog(1.0 - compaction * (1.0 / p.max_compaction));
+}
+
+BRASH_ICE_INLINE OldCap computeOldCap(const CapConstants& p, Doubles compaction) {
+  const Doubles e = compactionOfEq12(p, compaction);
+  return {e, computeLogarithm(p, e), 1.0 / (p.max_compaction - e)};
+}
+
+/// CapModel::capAt. With root = sqrt(D1² + 4 D2 l), a = D1 + root and b = (W - e) root:
+/// X - X0 = 2 l / a + (compaction - e) / b and dX/de = 1 / b. These and 1 / width share one division.
+/// @param e          compactionOfEq12(compaction)
+/// @param logarithm  l = -ln(1 - e / W)
+BRASH_ICE_INLINE Cap computeCap(const CapConstants& p, Doubles compaction, Doubles e, Doubles logarithm) {
   const Doubles root = squareRoot(p.d1_per_pa * p.d1_per_pa + (4.0 * p.d2_per_pa2) * logarithm);
-  // One division for both X - X0 = 2 l / (D1 + root) and dX/de = 1 / ((W - e) root).
-  const Doubles sum = p.d1_per_pa + root, rest = (p.max_compaction - u) * root;
-  const Doubles inverse = 1.0 / (sum * rest);
-  const Doubles slope = sum * inverse;
-  const Doubles intercept = p.initial_intercept_pa + (2.0 * logarithm * rest * inverse + slope * (e - u));
-  const Doubles width = p.width_ratio * (intercept + p.apex_pa);
-  return {intercept - width, width, select(compaction > 0.0, slope, Doubles{})};
+  const Doubles a = p.d1_per_pa + root, b = (p.max_compaction - e) * root, a_b = a * b;
+  const Doubles beyond = larger(compaction - e, Doubles{});
+  const Doubles from_apex = ((p.initial_intercept_pa + p.apex_pa) * a + 2.0 * logarithm) * b + beyond * a;  // times a b
+  const Doubles inverse = 1.0 / (a_b * from_apex);
+  const Doubles inverse_a_b = inverse * from_apex;
+  const Doubles distance = from_apex * inverse_a_b;  // X + apex
+  return {(1.0 - p.width_ratio) * distance - p.apex_pa, p.width_ratio * distance,
+          a_b * a_b * inverse * (1.0 / p.width_ratio), select(compaction > 0.0, a * inverse_a_b, Doubles{})};
+}
+
+/// A cap not far from the old one, whose logarithm needs only a short sum.
+BRASH_ICE_INLINE Cap moveCap(const CapConstants& p, const OldCap& old, Doubles compaction) {
+  const Doubles e = compactionOfEq12(p, compaction);
+  const Doubles ratio = (old.compaction - e) * old.inverse_rest;
+  Doubles logarithm = old.logarithm - computeLogNearOne(ratio);
+  const Mask far = abs(ratio) > 0x1p-5;
+  if (any(far)) logarithm = select(far, computeLogarithm(p, e), logarithm);
+  return computeCap(p, compaction, e, logarithm);
 }
 
 /// CapModel::isElastic, elastic predictor and explicit returns. Sets out which particles need iterations.
@@ -308,31 +406,37 @@ std::size_t predict(const CapConstants& p, Open& open, std::size_t count) {
     const Doubles compaction = widen(&open.state[kCompaction][k]);
     const Mask finite = isFinite(j1 + s + compaction + integrity);
 
-    const Cap cap = computeCap(p, compaction);
-    const Doubles inverse_width = 1.0 / cap.width;
+    const OldCap old = computeOldCap(p, compaction);
+    const Cap cap = computeCap(p, compaction, old.compaction, old.logarithm);
     const Doubles cone = p.alpha_pa + p.theta * j1;
     const Doubles resolution = kStressResolution * (p.alpha_pa + abs(j1));
     const Doubles cap_resolution = resolution + kCompactionResolution * larger(compaction, Doubles{}) * cap.hardening;
     const Doubles widened_cone = cone + resolution;
-    const Doubles resolved_t = larger((j1 - cap_resolution - cap.start) * inverse_width, Doubles{});
+    const Doubles resolved_t = larger((j1 - cap_resolution - cap.start) * cap.inverse_width, Doubles{});
     const Mask elastic =
         (widened_cone >= 0.0) & (s * s <= widened_cone * widened_cone * (1.0 - resolved_t * resolved_t));
     const Mask yields = finite & ~elastic;
 
     const Doubles to_apex = (j1 + p.apex_pa) * inverse_bulk_3;
-    const Mask dilates = (j1 - cap.start) * inverse_width <= p.neutral;
+    const Mask dilates = (j1 - cap.start) * cap.inverse_width <= p.neutral;
     Doubles outside = Doubles{}, first = Doubles{}, increment = Doubles{};
     const Doubles inside = (j1 - (cap.start + p.neutral * cap.width)) * inverse_bulk_3;
+    Cap first_cap = cap;
     Mask at_apex, on_cone;
     if (p.associated) {
       // On the cone alone the answer is explicit.
       const Doubles step = cone_compliance * (s - cone);
       const Doubles end = j1 - bulk_3 * step;
       at_apex = dilates & (step < 0.0) & (p.alpha_pa + p.theta * end <= 0.0);
-      on_cone = dilates & (step < 0.0) & (end <= computeCap(p, compaction + step).start);
+      const Cap moved = moveCap(p, old, compaction + step);
+      on_cone = dilates & (step < 0.0) & (end <= moved.start);
       increment = step;
       outside = select(dilates, smaller(to_apex, Doubles{}), Doubles{});
-      first = select(dilates & (step > inside) & (step < outside), step, outside);
+      const Mask usable = dilates & (step > inside) & (step < outside);
+      first = select(usable, step, outside);
+      first_cap = select(usable, moved, cap);
+      const Mask beyond_apex = yields & ~usable & (outside < 0.0);
+      if (any(beyond_apex)) first_cap = select(beyond_apex, moveCap(p, old, compaction + first), first_cap);
     } else {
       at_apex = dilates & (cone <= 0.0);
       on_cone = dilates;
@@ -349,6 +453,12 @@ std::size_t predict(const CapConstants& p, Open& open, std::size_t count) {
     store(&open.outside[k], outside);
     store(&open.inside[k], inside);
     store(&open.first[k], first);
+    store(&open.first_start[k], first_cap.start);
+    store(&open.first_width[k], first_cap.width);
+    store(&open.first_inverse_width[k], first_cap.inverse_width);
+    store(&open.first_hardening[k], first_cap.hardening);
+    store(&open.logarithm[k], old.logarithm);
+    store(&open.inverse_rest[k], old.inverse_rest);
     store(&open.yields[k], yields);
     store(&open.left[k], ~finite);
     store(&iterates[k], yields & ~(at_apex | on_cone) & 1);
@@ -375,16 +485,15 @@ BRASH_ICE_INLINE Residual computeResidual(const CapConstants& p, Doubles increme
   const Doubles cone = p.alpha_pa + p.theta * j1;
   const double cone_slope = j1_slope * p.theta;
   const Doubles width_slope = p.width_ratio * cap.hardening;
-  const Doubles inverse_width = 1.0 / cap.width;
-  const Doubles t = (j1 - cap.start) * inverse_width;
-  const Doubles t_slope = (j1_slope - (cap.hardening - width_slope) - t * width_slope) * inverse_width;
+  const Doubles t = (j1 - cap.start) * cap.inverse_width;
+  const Doubles t_slope = (j1_slope - (cap.hardening - width_slope) - t * width_slope) * cap.inverse_width;
 
   const Mask on_cap = t > 0.0;
   const Doubles cap_t = select(on_cap, t, Doubles{}), cap_t_slope = select(on_cap, t_slope, Doubles{});
   const Doubles shape = 1.0 - cap_t * cap_t;
   const Doubles shape_slope = -2.0 * cap_t * cap_t_slope;
   const Mask compacts = (increment > 0.0) | ((increment == 0.0) & (t > p.neutral));
-  const Mask flows = compacts ? t > p.neutral : t < p.neutral;
+  const Mask flows = (compacts & (t > p.neutral)) | (~compacts & (t < p.neutral));
   Doubles h = 2.0 * cap_t * (p.inverse_aspect_ratio + p.theta * cap_t);
   Doubles h_slope = (2.0 * p.inverse_aspect_ratio + 4.0 * p.theta * cap_t) * cap_t_slope;
   if (p.associated) {
@@ -402,64 +511,123 @@ BRASH_ICE_INLINE Residual computeResidual(const CapConstants& p, Doubles increme
   const Doubles n = 3.0 * trial_s * h;
   const Doubles n_slope = 3.0 * trial_s * h_slope;
   const Mask at_tip = f_c < kTipOfCap;
-  const Doubles root = squareRoot(larger(f_c, Doubles{}));
+  const Doubles root_of_shape = squareRoot(larger(shape, Doubles{}));
+  const Doubles root = select(at_neutral, splat(__builtin_sqrt(1.0 - p.neutral * p.neutral)), root_of_shape);
   const Doubles sign = select(compacts, splat(1.0), splat(-1.0));
   Residual result;
-  result.value = select(at_tip, f_c * d * d - n * n, sign * (f_c * d - root * n));
-  result.slope = select(at_tip, f_c_slope * d * d + 2.0 * (f_c * d * d_slope - n * n_slope),
-                        sign * (f_c * d_slope + 0.5 * f_c_slope * d - root * n_slope));
-  result.tolerance = select(at_tip, (kResidualTolerance * larger(f_c, Doubles{}) + kTipTolerance) * d * d,
-                            kResidualTolerance * f_c * abs(d));
+  result.value = sign * (f_c * d - root * n);
+  result.slope = sign * (f_c * d_slope + 0.5 * f_c_slope * d - root * n_slope);
+  result.tolerance = kResidualTolerance * f_c * abs(d);
+  if (any(at_tip)) {
+    result.value = select(at_tip, f_c * d * d - n * n, result.value);
+    result.slope = select(at_tip, f_c_slope * d * d + 2.0 * (f_c * d * d_slope - n * n_slope), result.slope);
+    result.tolerance =
+        select(at_tip, (kResidualTolerance * larger(f_c, Doubles{}) + kTipTolerance) * d * d, result.tolerance);
+  }
   result.j1 = j1;
-  // At the neutral point F_c is not the shape.
-  result.s = cone * select(at_neutral, squareRoot(larger(shape, Doubles{})), root);
+  result.s = cone * root_of_shape;
   return result;
 }
 
-BRASH_ICE_INLINE Doubles gather(const double* from, const std::uint32_t* index) {
-  Doubles result;
-  for (std::size_t i = 0; i < kWidth; ++i) result[i] = from[index[i]];
-  return result;
+/// The returns in progress, side by side; copies of the last one fill up the last group of lanes.
+struct Iteration {
+  alignas(64) double trial_j1[kCapTile], trial_s[kCapTile];
+  alignas(64) double compaction[kCapTile], logarithm[kCapTile], inverse_rest[kCapTile];
+  alignas(64) double outside[kCapTile], inside[kCapTile], increment[kCapTile], last_step[kCapTile];
+  alignas(64) double start[kCapTile], width[kCapTile], inverse_width[kCapTile], hardening[kCapTile];
+  alignas(64) double j1[kCapTile], s[kCapTile];
+  alignas(64) std::int64_t done[kCapTile];
+};
+
+/// One step of Newton's method inside the bracket, as in CapModel::returnToSurface.
+/// @return whether a lane is not done
+BRASH_ICE_INLINE bool iterateOnce(const CapConstants& p, Iteration& at, std::size_t k, bool may_step) {
+  const Doubles trial_j1 = load<Doubles>(&at.trial_j1[k]), trial_s = load<Doubles>(&at.trial_s[k]);
+  const Doubles x = load<Doubles>(&at.increment[k]);
+  const Cap cap{load<Doubles>(&at.start[k]), load<Doubles>(&at.width[k]), load<Doubles>(&at.inverse_width[k]),
+                load<Doubles>(&at.hardening[k])};
+  const Residual residual = computeResidual(p, x, cap, trial_j1, trial_s);
+  const Mask is_outside = residual.value < 0.0;
+  const Doubles outside = select(is_outside, x, load<Doubles>(&at.outside[k]));
+  const Doubles inside = select(is_outside, load<Doubles>(&at.inside[k]), x);
+  const Doubles size =
+      (abs(trial_j1) + p.alpha_pa) * (1.0 / (3.0 * p.bulk_modulus_pa)) + larger(abs(inside), abs(outside));
+  const Mask done = (abs(residual.value) <= residual.tolerance) | (abs(inside - outside) <= kBracketTolerance * size);
+  store(&at.outside[k], outside);
+  store(&at.inside[k], inside);
+  store(&at.j1[k], residual.j1);
+  store(&at.s[k], residual.s);
+  store(&at.done[k], done);
+
+  const Doubles newton = x - residual.value / residual.slope;
+  const Mask usable =
+      ((newton - outside) * (newton - inside) < 0.0) & (abs(newton - x) <= 0.5 * load<Doubles>(&at.last_step[k]));
+  Doubles next = 0.5 * (outside + inside);
+  if (may_step) next = select(usable, newton, next);
+  store(&at.last_step[k], abs(next - x));
+  store(&at.increment[k], select(done, x, next));  // a lane that is done keeps its x, and so its residual
+  return any(~done);
 }
 
-/// CapModel::returnToSurface where it needs Newton's method.
+/// The caps at the new increments.
+BRASH_ICE_INLINE void moveCaps(const CapConstants& p, Iteration& at, std::size_t k) {
+  const Doubles compaction = load<Doubles>(&at.compaction[k]);
+  const OldCap old{compactionOfEq12(p, compaction), load<Doubles>(&at.logarithm[k]),
+                   load<Doubles>(&at.inverse_rest[k])};
+  const Mask done = load<Mask>(&at.done[k]);
+  const Cap moved = moveCap(p, old, compaction + load<Doubles>(&at.increment[k]));
+  store(&at.start[k], select(done, load<Doubles>(&at.start[k]), moved.start));
+  store(&at.width[k], select(done, load<Doubles>(&at.width[k]), moved.width));
+  store(&at.inverse_width[k], select(done, load<Doubles>(&at.inverse_width[k]), moved.inverse_width));
+  store(&at.hardening[k], select(done, load<Doubles>(&at.hardening[k]), moved.hardening));
+}
+
+/// CapModel::returnToSurface where it needs Newton's method. Each step is made for all groups of lanes that are not
+/// done before the next: they do not wait for each other's results, and a step is a long chain of operations.
 void iterate(const CapConstants& p, Open& open, std::size_t count) {
-  const double inverse_bulk_3 = 1.0 / (3.0 * p.bulk_modulus_pa);
-  for (std::size_t k = count; k < roundUp(count); ++k) open.iterating[k] = open.iterating[count - 1];
-  for (std::size_t k = 0; k < count; k += kWidth) {
+  const std::size_t filled = roundUp(count);
+  for (std::size_t k = count; k < filled; ++k) open.iterating[k] = open.iterating[count - 1];
+  Iteration at;
+  const double* const from[] = {
+      open.trial_j1, open.trial_s,     open.logarithm,   open.inverse_rest,        open.outside,        open.inside,
+      open.first,    open.first_start, open.first_width, open.first_inverse_width, open.first_hardening};
+  double* const to[] = {at.trial_j1,  at.trial_s, at.logarithm, at.inverse_rest,  at.outside,  at.inside,
+                        at.increment, at.start,   at.width,     at.inverse_width, at.hardening};
+  for (std::size_t k = 0; k < filled; k += kWidth) {
     const std::uint32_t* const index = &open.iterating[k];
-    const Doubles trial_j1 = gather(open.trial_j1, index), trial_s = gather(open.trial_s, index);
-    Doubles outside = gather(open.outside, index), inside = gather(open.inside, index);
-    Doubles x = gather(open.first, index), compaction;
-    for (std::size_t i = 0; i < kWidth; ++i) compaction[i] = static_cast<double>(open.state[kCompaction][index[i]]);
-    const Doubles smallest_bracket =
-        kBracketTolerance * ((abs(trial_j1) + p.alpha_pa) * inverse_bulk_3 + larger(abs(inside), abs(outside)));
-    Doubles last_step = abs(inside - outside);
-    Residual residual;
-    Mask done;
-    // A lane that is done keeps its x, and so its residual.
-    for (int i = 0;; ++i) {
-      residual = computeResidual(p, x, computeCap(p, compaction + x), trial_j1, trial_s);
-      const Mask is_outside = residual.value < 0.0;
-      outside = select(is_outside, x, outside);
-      inside = select(is_outside, inside, x);
-      done = (abs(residual.value) <= residual.tolerance) | (abs(inside - outside) <= smallest_bracket);
-      if (i == kMaxIterations || !any(~done)) break;
-      const Doubles newton = x - residual.value / residual.slope;
-      const Mask usable = ((newton - outside) * (newton - inside) < 0.0) & (abs(newton - x) <= 0.5 * last_step);
-      Doubles next = 0.5 * (outside + inside);
-      if (i <= kMaxNewtonSteps) next = select(usable, newton, next);
-      last_step = abs(next - x);
-      x = select(done, x, next);
+    if (index[kWidth - 1] - index[0] == kWidth - 1) {
+      for (std::size_t a = 0; a < sizeof(to) / sizeof(to[0]); ++a) store(to[a] + k, load<Doubles>(from[a] + index[0]));
+    } else {
+      for (std::size_t a = 0; a < sizeof(to) / sizeof(to[0]); ++a) {
+        for (std::size_t i = 0; i < kWidth; ++i) to[a][k + i] = from[a][index[i]];
+      }
     }
-    const Mask left = ~(done & isFinite(residual.j1 + residual.s));
-    const Doubles end_s = smaller(trial_s, residual.s);
-    for (std::size_t i = 0; i < kWidth; ++i) {
-      open.j1[index[i]] = residual.j1[i];
-      open.s[index[i]] = end_s[i];
-      open.increment[index[i]] = x[i];
-      open.left[index[i]] = left[i];
+    for (std::size_t i = 0; i < kWidth; ++i)
+      at.compaction[k + i] = static_cast<double>(open.state[kCompaction][index[i]]);
+    store(&at.last_step[k], abs(load<Doubles>(&at.inside[k]) - load<Doubles>(&at.outside[k])));
+  }
+
+  std::uint32_t groups[kCapTile / kWidth];
+  std::size_t group_count = 0;
+  for (std::size_t k = 0; k < filled; k += kWidth) groups[group_count++] = static_cast<std::uint32_t>(k);
+  for (int i = 0;; ++i) {
+    std::size_t remaining = 0;
+    for (std::size_t g = 0; g < group_count; ++g) {
+      const std::uint32_t k = groups[g];
+      groups[remaining] = k;
+      remaining += iterateOnce(p, at, k, i <= kMaxNewtonSteps) ? 1 : 0;
     }
+    group_count = remaining;
+    if (group_count == 0 || i == kMaxIterations) break;
+    for (std::size_t g = 0; g < group_count; ++g) moveCaps(p, at, groups[g]);
+  }
+
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::size_t end = open.iterating[k];
+    open.j1[end] = at.j1[k];
+    open.s[end] = at.trial_s[k] < at.s[k] ? at.trial_s[k] : at.s[k];
+    open.increment[end] = at.increment[k];
+    open.left[end] = ~at.done[k];
   }
 }
 
@@ -483,7 +651,7 @@ BRASH_ICE_INLINE Doubles degradeStress(const CapConstants& p, Open& open, std::s
     float* const total = &open.state[kTotalStrain + c][k];
     const Floats sum = narrow(widen(total) + widen(&open.strain[c][k]));
     store(total, sum);
-    e[c] = __builtin_convertvector(sum, Doubles) - excess_shear * undamaged[c];
+    e[c] = widen(sum) - excess_shear * undamaged[c];
     if (c < 3) e[c] -= excess_volume;
   }
 
@@ -588,39 +756,63 @@ std::size_t update(const CapConstants& constants, const CapBatch& batch, std::si
   for (std::size_t k = n; k < filled; ++k) index[k] = index[n - 1];
 
   Open open;
-  const auto collect = [&](const float* from, float* to) {
-    for (std::size_t k = 0; k < filled; ++k) to[k] = from[index[k]];
-  };
+  // Arrays of the batch and where their open values go; the first six are read only.
+  const float* from[12 + kCapStates];
+  float* to[12 + kCapStates];
+  std::size_t arrays = 0;
   for (std::size_t c = 0; c < 6; ++c) {
-    collect(batch.strain_increment[c] + begin, open.strain[c]);
-    collect(batch.stress[c] + begin, open.stress[c]);
+    from[arrays] = batch.strain_increment[c] + begin;
+    to[arrays++] = open.strain[c];
+  }
+  for (std::size_t c = 0; c < 6; ++c) {
+    from[arrays] = batch.stress[c] + begin;
+    to[arrays++] = open.stress[c];
   }
   for (std::size_t i = 0; i < kCapStates; ++i) {
-    if (batch.state[i] != nullptr) collect(batch.state[i] + begin, open.state[i]);
+    if (batch.state[i] == nullptr) continue;
+    from[arrays] = batch.state[i] + begin;
+    to[arrays++] = open.state[i];
+  }
+  for (std::size_t k = 0; k < filled; k += kWidth) {
+    const std::uint32_t* const at = &index[k];
+    if (at[kWidth - 1] - at[0] == kWidth - 1) {
+      for (std::size_t a = 0; a < arrays; ++a) store(to[a] + k, load<Floats>(from[a] + at[0]));
+    } else {
+      for (std::size_t a = 0; a < arrays; ++a) {
+        for (std::size_t i = 0; i < kWidth; ++i) to[a][k + i] = from[a][at[i]];
+      }
+    }
   }
   const std::size_t iterating = predict(constants, open, filled);
   if (iterating > 0) iterate(constants, open, iterating);
   const bool any_left = finish(constants, open, filled);
-  std::size_t settled = n, left_count = 0;
+  std::size_t left_count = 0;
   if (any_left) {
-    // Close up the settled ones.
-    settled = 0;
     for (std::size_t k = 0; k < n; ++k) {
-      if (open.left[k] != 0) {
-        left[left_count++] = index[k];
-        continue;
-      }
-      for (std::size_t c = 0; c < 6; ++c) open.stress[c][settled] = open.stress[c][k];
-      for (std::size_t i = 0; i < kCapStates; ++i) open.state[i][settled] = open.state[i][k];
-      index[settled++] = index[k];
+      if (open.left[k] == 0) continue;
+      // Its old values go back.
+      for (std::size_t a = 6; a < arrays; ++a) to[a][k] = from[a][index[k]];
+      left[left_count++] = index[k];
+    }
+    for (std::size_t k = n; k < filled; ++k) {
+      for (std::size_t a = 6; a < arrays; ++a) to[a][k] = to[a][n - 1];
     }
   }
-  const auto distribute = [&](const float* from, float* to) {
-    for (std::size_t k = 0; k < settled; ++k) to[index[k]] = from[k];
-  };
-  for (std::size_t c = 0; c < 6; ++c) distribute(open.stress[c], batch.stress[c] + begin);
+  float* back[12 + kCapStates];
+  for (std::size_t c = 0; c < 6; ++c) back[6 + c] = batch.stress[c] + begin;
+  std::size_t a = 12;
   for (std::size_t i = 0; i < kCapStates; ++i) {
-    if (batch.state[i] != nullptr) distribute(open.state[i], batch.state[i] + begin);
+    if (batch.state[i] != nullptr) back[a++] = batch.state[i] + begin;
+  }
+  for (std::size_t k = 0; k < filled; k += kWidth) {
+    const std::uint32_t* const at = &index[k];
+    if (at[kWidth - 1] - at[0] == kWidth - 1) {
+      for (a = 6; a < arrays; ++a) store(back[a] + at[0], load<Floats>(to[a] + k));
+    } else {
+      for (a = 6; a < arrays; ++a) {
+        for (std::size_t i = 0; i < kWidth; ++i) back[a][at[i]] = to[a][k + i];
+      }
+    }
   }
   return left_count;
 }

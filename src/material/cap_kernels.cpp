@@ -21,6 +21,10 @@ typedef double Doubles __attribute__((vector_size(8 * kWidth)));
 typedef float Floats __attribute__((vector_size(4 * kWidth)));
 typedef std::int64_t Mask __attribute__((vector_size(8 * kWidth)));  // all bits of a lane are set, or none
 typedef std::uint64_t Bits __attribute__((vector_size(8 * kWidth)));
+// As many floats as the registers hold, for the elastic pass.
+constexpr std::size_t kFloatWidth = 2 * kWidth;
+typedef float WideFloats __attribute__((vector_size(4 * kFloatWidth)));
+typedef std::int32_t WideMask __attribute__((vector_size(4 * kFloatWidth)));
 
 #define BRASH_ICE_INLINE inline __attribute__((always_inline))
 
@@ -32,6 +36,8 @@ constexpr double kTipOfCap = 0.1;
 constexpr double kResidualTolerance = 1e-9;
 constexpr double kTipTolerance = 1e-14;
 constexpr double kBracketTolerance = 1e-14;
+constexpr double kLargestLastStep = 3e-5;  // relative; what its square neglects is below the tolerance
+constexpr double kLastError = 1e-10;       // relative
 constexpr int kMaxNewtonSteps = 30;
 constexpr int kMaxIterations = 60;  // a return that takes more is left
 constexpr double kLargestFloat = 3.4028234663852886e38;
@@ -56,6 +62,29 @@ BRASH_ICE_INLINE bool any(Mask mask) {
   return _mm256_movemask_pd((__m256d)mask) != 0;
 #else
   return (mask[0] | mask[1]) != 0;
+#endif
+}
+
+BRASH_ICE_INLINE WideFloats select(WideMask mask, WideFloats yes, WideFloats no) {
+#if defined(__AVX512F__)
+  return mask ? yes : no;
+#elif defined(__AVX2__)
+  return _mm256_blendv_ps(no, yes, (__m256)mask);
+#else
+  return (WideFloats)(((WideMask)yes & mask) | ((WideMask)no & ~mask));
+#endif
+}
+
+/// A bit per lane.
+BRASH_ICE_INLINE std::uint64_t bitsOf(WideMask mask) {
+#if defined(__AVX512F__)
+  return _mm512_test_epi32_mask((__m512i)mask, (__m512i)mask);
+#elif defined(__AVX2__)
+  return static_cast<std::uint32_t>(_mm256_movemask_ps((__m256)mask));
+#else
+  std::uint64_t bits = 0;
+  for (std::size_t i = 0; i < kFloatWidth; ++i) bits |= static_cast<std::uint64_t>(mask[i] & 1) << i;
+  return bits;
 #endif
 }
 
@@ -208,107 +237,152 @@ BRASH_ICE_INLINE Doubles computeLargestPrincipal(const Doubles* c) {
 
 // ------------------------------------------------------------------------------------------------------- elastic pass
 
-/// Elastic predictor in float, and a check with a lower bound of the cap's intercept that needs no logarithm; since the
-/// surface grows with X, what it calls elastic is elastic.
-/// @param open  receives the distance from `begin` of the particles that this does not settle
-/// @return how many those are
-std::size_t updateElastic(const CapConstants& p, const CapBatch& batch, std::size_t begin, std::size_t count,
-                          std::uint32_t* open) {
-  const float shear_2 = static_cast<float>(2.0 * p.shear_modulus_pa);
-  const float lame = static_cast<float>(p.bulk_modulus_pa - 2.0 / 3.0 * p.shear_modulus_pa);
-  const float alpha = static_cast<float>(p.alpha_pa), theta = static_cast<float>(p.theta);
-  const float apex = static_cast<float>(p.apex_pa);
-  const float inverse_width_ratio = static_cast<float>(1.0 / p.width_ratio);
-  const float initial_intercept = static_cast<float>(p.initial_intercept_pa * (1.0 - 1e-5));
-  const float inverse_max_compaction = static_cast<float>((1.0 - 1e-5) / p.max_compaction);
-  const float d1 = static_cast<float>(p.d1_per_pa), d2_per_d1 = static_cast<float>(p.d2_per_pa2 / p.d1_per_pa);
-  const float factor_2 = static_cast<float>(p.smallest_lode_factor * p.smallest_lode_factor);
-
-  static const float kNothing[kCapTile] = {};
+/// Pointers into the arrays of a batch. The first six are read only.
+struct Arrays {
   const float* strain[6];
   float* stress[6];
-  for (std::size_t c = 0; c < 6; ++c) {
-    strain[c] = batch.strain_increment[c] + begin;
-    stress[c] = batch.stress[c] + begin;
-  }
-  const float* compaction = batch.state[kCompaction] + begin;
-  const float* gap = p.gap_memory ? batch.state[kGap] + begin : kNothing;
-  // Where a threshold is set, damage may grow without yielding.
-  const float* brittle_threshold = p.damages ? batch.state[kBrittleThreshold] + begin : kNothing;
-  const float* ductile_threshold = p.damages ? batch.state[kDuctileThreshold] + begin : kNothing;
+  float* state[kCapStates];
+};
 
-  float predicted[6][kCapTile];
-  std::int32_t is_open[kCapTile];
-  for (std::size_t i = 0; i < count; ++i) {
-    const float volume_part = lame * (strain[0][i] + strain[1][i] + strain[2][i]);
-    const float xx = stress[0][i] + (shear_2 * strain[0][i] + volume_part);
-    const float yy = stress[1][i] + (shear_2 * strain[1][i] + volume_part);
-    const float zz = stress[2][i] + (shear_2 * strain[2][i] + volume_part);
-    const float xy = stress[3][i] + shear_2 * strain[3][i];
-    const float yz = stress[4][i] + shear_2 * strain[4][i];
-    const float zx = stress[5][i] + shear_2 * strain[5][i];
-    const float j1 = -(xx + yy + zz);
-    const float dx = xx + j1 * (1.0f / 3.0f), dy = yy + j1 * (1.0f / 3.0f), dz = zz + j1 * (1.0f / 3.0f);
-    const float j2 = 0.5f * (dx * dx + dy * dy + dz * dz) + (xy * xy + yz * yz + zx * zx);
+/// Elastic predictor in float, and a check with a lower bound of the cap's intercept that needs no logarithm; since the
+/// surface grows with X, what it calls elastic is elastic.
+class ElasticPass {
+ public:
+  explicit ElasticPass(const CapConstants& p)
+      : gap_memory_(p.gap_memory),
+        damages_(p.damages),
+        shear_2_(static_cast<float>(2.0 * p.shear_modulus_pa)),
+        lame_(static_cast<float>(p.bulk_modulus_pa - 2.0 / 3.0 * p.shear_modulus_pa)),
+        alpha_(static_cast<float>(p.alpha_pa)),
+        theta_(static_cast<float>(p.theta)),
+        apex_(static_cast<float>(p.apex_pa)),
+        inverse_width_ratio_(static_cast<float>(1.0 / p.width_ratio)),
+        initial_intercept_(static_cast<float>(p.initial_intercept_pa * (1.0 - 1e-5))),
+        inverse_max_compaction_(static_cast<float>((1.0 - 1e-5) / p.max_compaction)),
+        d1_(static_cast<float>(p.d1_per_pa)),
+        d2_per_d1_(static_cast<float>(p.d2_per_pa2 / p.d1_per_pa)),
+        factor_2_(static_cast<float>(p.smallest_lode_factor * p.smallest_lode_factor)) {}
+
+  /// Updates kFloatWidth particles.
+  /// @return a bit for each that this does not settle, and leaves as it was
+  BRASH_ICE_INLINE std::uint64_t update(const Arrays& at, std::size_t i) const {
+    WideFloats strain[6], old[6];
+    for (std::size_t c = 0; c < 6; ++c) {
+      strain[c] = load<WideFloats>(at.strain[c] + i);
+      old[c] = load<WideFloats>(at.stress[c] + i);
+    }
+    const WideFloats opening = strain[0] + strain[1] + strain[2];
+    const WideFloats volume_part = lame_ * opening;
+    WideFloats stress[6];
+    for (std::size_t c = 0; c < 6; ++c) {
+      stress[c] = old[c] + (c < 3 ? shear_2_ * strain[c] + volume_part : shear_2_ * strain[c]);
+    }
+    const WideFloats j1 = -(stress[0] + stress[1] + stress[2]);
+    const WideFloats pressure = j1 * (1.0f / 3.0f);
+    const WideFloats dx = stress[0] + pressure, dy = stress[1] + pressure, dz = stress[2] + pressure;
+    const WideFloats j2 =
+        0.5f * (dx * dx + dy * dy + dz * dz) + (stress[3] * stress[3] + stress[4] * stress[4] + stress[5] * stress[5]);
 
     // -ln(1 - u) > u (6 - u) / (6 - 4 u) on (0, 1), and y > l / (D1 + D2 l / D1) for the root y of eq. 12.
-    const float scaled = compaction[i] * inverse_max_compaction;
-    const float u = scaled > 1.0f ? 1.0f : scaled < 0.0f ? 0.0f : scaled;
-    const float numerator = u * (6.0f - u);
-    const float intercept = initial_intercept + numerator / ((6.0f - 4.0f * u) * d1 + d2_per_d1 * numerator);
-    const float raw_t = 1.0f - (intercept - j1) * inverse_width_ratio / (intercept + apex);
-    const float t = raw_t < 0.0f ? 0.0f : raw_t;
-    const float cone = alpha + theta * j1;
-    const float opening = strain[0][i] + strain[1][i] + strain[2][i];
-    const bool plain = ((gap[i] == 0.0f) | (j1 <= 0.0f) | (opening >= 0.0f)) & (brittle_threshold[i] == 0.0f) &
-                       (ductile_threshold[i] == 0.0f);
-    const bool elastic = plain & (cone >= 0.0f) & (j2 <= factor_2 * (cone * cone) * (1.0f - t * t));
-
-    predicted[0][i] = elastic ? xx : stress[0][i];
-    predicted[1][i] = elastic ? yy : stress[1][i];
-    predicted[2][i] = elastic ? zz : stress[2][i];
-    predicted[3][i] = elastic ? xy : stress[3][i];
-    predicted[4][i] = elastic ? yz : stress[4][i];
-    predicted[5][i] = elastic ? zx : stress[5][i];
-    is_open[i] = elastic ? 0 : 1;
+    const WideFloats none{}, one = none + 1.0f;
+    const WideFloats scaled = load<WideFloats>(at.state[kCompaction] + i) * inverse_max_compaction_;
+    const WideFloats u = select(scaled > one, one, select(scaled < none, none, scaled));
+    const WideFloats numerator = u * (6.0f - u);
+    const WideFloats intercept = initial_intercept_ + numerator / ((6.0f - 4.0f * u) * d1_ + d2_per_d1_ * numerator);
+    const WideFloats raw_t = 1.0f - (intercept - j1) * inverse_width_ratio_ / (intercept + apex_);
+    const WideFloats t = select(raw_t < none, none, raw_t);
+    const WideFloats cone = alpha_ + theta_ * j1;
+    WideMask elastic = (cone >= none) & (j2 <= factor_2_ * (cone * cone) * (1.0f - t * t));
+    if (gap_memory_) {
+      elastic &= (load<WideFloats>(at.state[kGap] + i) == none) | (j1 <= none) | (opening >= none);
+    }
+    if (damages_) {
+      // Where a threshold is set, damage may grow without yielding.
+      elastic &= (load<WideFloats>(at.state[kBrittleThreshold] + i) == none) &
+                 (load<WideFloats>(at.state[kDuctileThreshold] + i) == none);
+      for (std::size_t c = 0; c < 6; ++c) {
+        float* const total = at.state[kTotalStrain + c] + i;
+        const WideFloats before = load<WideFloats>(total);
+        store(total, select(elastic, before + strain[c], before));
+      }
+    }
+    for (std::size_t c = 0; c < 6; ++c) store(at.stress[c] + i, select(elastic, stress[c], old[c]));
+    return bitsOf(~elastic);
   }
-  for (std::size_t c = 0; c < 6; ++c) __builtin_memcpy(stress[c], predicted[c], count * sizeof(float));
-  if (p.damages) {
+
+ private:
+  bool gap_memory_, damages_;
+  float shear_2_, lame_, alpha_, theta_, apex_, inverse_width_ratio_;
+  float initial_intercept_, inverse_max_compaction_, d1_, d2_per_d1_, factor_2_;
+};
+
+/// The particles of a tile that the elastic pass does not settle.
+struct OpenList {
+  std::uint64_t bits[kCapTile / 64];
+  std::uint32_t index[kCapTile];  // the same in a list
+  std::size_t count;
+};
+
+void updateElastic(const CapConstants& p, const Arrays& arrays, std::size_t count, OpenList& open) {
+  const ElasticPass pass(p);
+  for (std::uint64_t& bits : open.bits) bits = 0;
+  std::size_t i = 0;
+  for (; i + kFloatWidth <= count; i += kFloatWidth) open.bits[i / 64] |= pass.update(arrays, i) << (i % 64);
+  if (i < count) {
+    // The last ones, in arrays that are long enough.
+    float padded[12 + kCapStates][kFloatWidth] = {};
+    const std::size_t bytes = (count - i) * sizeof(float);
+    Arrays copy{};
+    std::size_t n = 0;
     for (std::size_t c = 0; c < 6; ++c) {
-      float* total = batch.state[kTotalStrain + c] + begin;
-      for (std::size_t i = 0; i < count; ++i) total[i] += is_open[i] == 0 ? strain[c][i] : 0.0f;
+      copy.strain[c] = padded[n];
+      __builtin_memcpy(padded[n++], arrays.strain[c] + i, bytes);
+      copy.stress[c] = padded[n];
+      __builtin_memcpy(padded[n++], arrays.stress[c] + i, bytes);
+    }
+    for (std::size_t j = 0; j < kCapStates; ++j) {
+      if (arrays.state[j] == nullptr) continue;
+      copy.state[j] = padded[n];
+      __builtin_memcpy(padded[n++], arrays.state[j] + i, bytes);
+    }
+    const std::uint64_t bits = pass.update(copy, 0) & ((1ull << (count - i)) - 1);
+    open.bits[i / 64] |= bits << (i % 64);
+    for (std::size_t c = 0; c < 6; ++c) __builtin_memcpy(arrays.stress[c] + i, copy.stress[c], bytes);
+    if (p.damages) {
+      for (std::size_t j = kTotalStrain; j < kCapStates; ++j) {
+        __builtin_memcpy(arrays.state[j] + i, copy.state[j], bytes);
+      }
     }
   }
-  std::size_t n = 0;
-  for (std::size_t i = 0; i < count; ++i) {
-    open[n] = static_cast<std::uint32_t>(i);
-    n += static_cast<std::size_t>(is_open[i]);
+  open.count = 0;
+  for (std::size_t word = 0; word < kCapTile / 64; ++word) {
+    for (std::uint64_t bits = open.bits[word]; bits != 0; bits &= bits - 1) {
+      open.index[open.count++] =
+          static_cast<std::uint32_t>(64 * word) + static_cast<std::uint32_t>(__builtin_ctzll(bits));
+    }
   }
-  return n;
 }
 
 // ------------------------------------------------------------------------------------------------ return of open ones
 
+constexpr std::size_t kRoom = kCapTile + 16;  // whole registers may be stored behind the last one
+
 /// The open particles of a tile, side by side. Copies of the last one fill up the last group of lanes.
 struct Open {
   // In and out.
-  alignas(64) float strain[6][kCapTile];
-  alignas(64) float stress[6][kCapTile];
-  alignas(64) float state[kCapStates][kCapTile];
-  // Between the stages: the trial and the point that it returns to, undamaged.
+  alignas(64) float strain[6][kRoom];
+  alignas(64) float stress[6][kRoom];
+  alignas(64) float state[kCapStates][kRoom];
+  // Between the stages: the trial, its cap, and the point that it returns to, undamaged.
   alignas(64) double trial[6][kCapTile];
   alignas(64) double trial_j1[kCapTile], trial_s[kCapTile];
+  alignas(64) double start[kCapTile], width[kCapTile], inverse_width[kCapTile], hardening[kCapTile];
+  alignas(64) double logarithm[kCapTile], inverse_rest[kCapTile];
   alignas(64) double j1[kCapTile], s[kCapTile];
   alignas(64) double increment[kCapTile];  // plastic compaction of this step
   alignas(64) std::int64_t yields[kCapTile];
   alignas(64) std::int64_t left[kCapTile];
-  // Where iterations begin: the bracket of the increment, the first one and its cap.
-  alignas(64) double outside[kCapTile], inside[kCapTile], first[kCapTile];
-  alignas(64) double first_start[kCapTile], first_width[kCapTile], first_inverse_width[kCapTile],
-      first_hardening[kCapTile];
-  alignas(64) double logarithm[kCapTile], inverse_rest[kCapTile];  // of the old cap
-  // Which ones those are.
-  std::uint32_t iterating[kCapTile];
+  std::uint32_t yielding[kCapTile];  // which ones yield
 };
 
 std::size_t roundUp(std::size_t count) {
@@ -370,13 +444,11 @@ BRASH_ICE_INLINE Cap moveCap(const CapConstants& p, const OldCap& old, Doubles c
   return computeCap(p, compaction, e, logarithm);
 }
 
-/// CapModel::isElastic, elastic predictor and explicit returns. Sets out which particles need iterations.
+/// Elastic predictor and CapModel::isElastic. Lists the particles that yield.
 /// @return how many those are
 std::size_t predict(const CapConstants& p, Open& open, std::size_t count) {
-  const double bulk_3 = 3.0 * p.bulk_modulus_pa, inverse_bulk_3 = 1.0 / bulk_3;
+  const double inverse_bulk_3 = 1.0 / (3.0 * p.bulk_modulus_pa);
   const double lame = p.bulk_modulus_pa - 2.0 / 3.0 * p.shear_modulus_pa;
-  const double cone_compliance = -3.0 * p.theta / (p.shear_modulus_pa + 3.0 * bulk_3 * p.theta * p.theta);
-  alignas(64) std::int64_t iterates[kCapTile];
   for (std::size_t k = 0; k < count; k += kWidth) {
     Doubles strain[6], stress[6];
     Doubles integrity = splat(1.0);
@@ -393,8 +465,7 @@ std::size_t predict(const CapConstants& p, Open& open, std::size_t count) {
       const Doubles gap = widen(&open.state[kGap][k]);
       const Doubles pressure_strain = (stress[0] + stress[1] + stress[2]) * -inverse_bulk_3;
       const Doubles least = smaller(smaller(gap, pressure_strain), -volume);
-      const Mask closes = least > 0.0;
-      const Doubles closed = select(closes, least, Doubles{});
+      const Doubles closed = select(least > 0.0, least, Doubles{});
       for (std::size_t c = 0; c < 3; ++c) stress[c] += p.bulk_modulus_pa * closed;
       store(&open.state[kGap][k], narrow(gap - closed));
     }
@@ -408,65 +479,31 @@ std::size_t predict(const CapConstants& p, Open& open, std::size_t count) {
 
     const OldCap old = computeOldCap(p, compaction);
     const Cap cap = computeCap(p, compaction, old.compaction, old.logarithm);
-    const Doubles cone = p.alpha_pa + p.theta * j1;
     const Doubles resolution = kStressResolution * (p.alpha_pa + abs(j1));
     const Doubles cap_resolution = resolution + kCompactionResolution * larger(compaction, Doubles{}) * cap.hardening;
-    const Doubles widened_cone = cone + resolution;
-    const Doubles resolved_t = larger((j1 - cap_resolution - cap.start) * cap.inverse_width, Doubles{});
-    const Mask elastic =
-        (widened_cone >= 0.0) & (s * s <= widened_cone * widened_cone * (1.0 - resolved_t * resolved_t));
-    const Mask yields = finite & ~elastic;
+    const Doubles cone = p.alpha_pa + p.theta * j1 + resolution;
+    const Doubles t = larger((j1 - cap_resolution - cap.start) * cap.inverse_width, Doubles{});
+    const Mask elastic = (cone >= 0.0) & (s * s <= cone * cone * (1.0 - t * t));
 
-    const Doubles to_apex = (j1 + p.apex_pa) * inverse_bulk_3;
-    const Mask dilates = (j1 - cap.start) * cap.inverse_width <= p.neutral;
-    Doubles outside = Doubles{}, first = Doubles{}, increment = Doubles{};
-    const Doubles inside = (j1 - (cap.start + p.neutral * cap.width)) * inverse_bulk_3;
-    Cap first_cap = cap;
-    Mask at_apex, on_cone;
-    if (p.associated) {
-      // On the cone alone the answer is explicit.
-      const Doubles step = cone_compliance * (s - cone);
-      const Doubles end = j1 - bulk_3 * step;
-      at_apex = dilates & (step < 0.0) & (p.alpha_pa + p.theta * end <= 0.0);
-      const Cap moved = moveCap(p, old, compaction + step);
-      on_cone = dilates & (step < 0.0) & (end <= moved.start);
-      increment = step;
-      outside = select(dilates, smaller(to_apex, Doubles{}), Doubles{});
-      const Mask usable = dilates & (step > inside) & (step < outside);
-      first = select(usable, step, outside);
-      first_cap = select(usable, moved, cap);
-      const Mask beyond_apex = yields & ~usable & (outside < 0.0);
-      if (any(beyond_apex)) first_cap = select(beyond_apex, moveCap(p, old, compaction + first), first_cap);
-    } else {
-      at_apex = dilates & (cone <= 0.0);
-      on_cone = dilates;
-    }
-    const Doubles end = j1 - bulk_3 * increment;
-    const Doubles end_j1 = select(at_apex, splat(-p.apex_pa), end);
-    const Doubles end_s = select(at_apex, Doubles{}, smaller(s, p.alpha_pa + p.theta * end));
     for (std::size_t c = 0; c < 6; ++c) store(&open.trial[c][k], stress[c]);
     store(&open.trial_j1[k], j1);
     store(&open.trial_s[k], s);
-    store(&open.j1[k], select(yields, end_j1, j1));
-    store(&open.s[k], select(yields, end_s, s));
-    store(&open.increment[k], select(yields, select(at_apex, to_apex, increment), Doubles{}));
-    store(&open.outside[k], outside);
-    store(&open.inside[k], inside);
-    store(&open.first[k], first);
-    store(&open.first_start[k], first_cap.start);
-    store(&open.first_width[k], first_cap.width);
-    store(&open.first_inverse_width[k], first_cap.inverse_width);
-    store(&open.first_hardening[k], first_cap.hardening);
+    store(&open.j1[k], j1);
+    store(&open.s[k], s);
+    store(&open.increment[k], Doubles{});
+    store(&open.start[k], cap.start);
+    store(&open.width[k], cap.width);
+    store(&open.inverse_width[k], cap.inverse_width);
+    store(&open.hardening[k], cap.hardening);
     store(&open.logarithm[k], old.logarithm);
     store(&open.inverse_rest[k], old.inverse_rest);
-    store(&open.yields[k], yields);
+    store(&open.yields[k], finite & ~elastic);
     store(&open.left[k], ~finite);
-    store(&iterates[k], yields & ~(at_apex | on_cone) & 1);
   }
   std::size_t n = 0;
   for (std::size_t k = 0; k < count; ++k) {
-    open.iterating[n] = static_cast<std::uint32_t>(k);
-    n += static_cast<std::size_t>(iterates[k]);
+    open.yielding[n] = static_cast<std::uint32_t>(k);
+    n += static_cast<std::size_t>(open.yields[k] & 1);
   }
   return n;
 }
@@ -474,6 +511,8 @@ std::size_t predict(const CapConstants& p, Open& open, std::size_t count) {
 struct Residual {
   Doubles value, slope, tolerance;
   Doubles j1, s;
+  Doubles t, t_slope;
+  Mask at_tip;
 };
 
 /// CapModel::computeResidual; away from the tip of the cap, value, slope and tolerance are those times sqrt(F_c), which
@@ -526,91 +565,157 @@ BRASH_ICE_INLINE Residual computeResidual(const CapConstants& p, Doubles increme
   }
   result.j1 = j1;
   result.s = cone * root_of_shape;
+  result.t = t;
+  result.t_slope = t_slope;
+  result.at_tip = at_tip;
   return result;
 }
 
 /// The returns in progress, side by side; copies of the last one fill up the last group of lanes.
-struct Iteration {
+struct Returns {
   alignas(64) double trial_j1[kCapTile], trial_s[kCapTile];
   alignas(64) double compaction[kCapTile], logarithm[kCapTile], inverse_rest[kCapTile];
-  alignas(64) double outside[kCapTile], inside[kCapTile], increment[kCapTile], last_step[kCapTile];
   alignas(64) double start[kCapTile], width[kCapTile], inverse_width[kCapTile], hardening[kCapTile];
+  // The bracket of the increment, the increment, and the sizes of the last step and of the last one of Newton's.
+  alignas(64) double outside[kCapTile], inside[kCapTile], increment[kCapTile];
+  alignas(64) double last_step[kCapTile], newton_step[kCapTile];
   alignas(64) double j1[kCapTile], s[kCapTile];
   alignas(64) std::int64_t done[kCapTile];
 };
 
-/// One step of Newton's method inside the bracket, as in CapModel::returnToSurface.
+BRASH_ICE_INLINE Cap loadCap(const Returns& at, std::size_t k) {
+  return {load<Doubles>(&at.start[k]), load<Doubles>(&at.width[k]), load<Doubles>(&at.inverse_width[k]),
+          load<Doubles>(&at.hardening[k])};
+}
+
+BRASH_ICE_INLINE void storeCap(Returns& at, std::size_t k, const Cap& cap) {
+  store(&at.start[k], cap.start);
+  store(&at.width[k], cap.width);
+  store(&at.inverse_width[k], cap.inverse_width);
+  store(&at.hardening[k], cap.hardening);
+}
+
+BRASH_ICE_INLINE OldCap loadOldCap(const CapConstants& p, const Returns& at, std::size_t k) {
+  return {compactionOfEq12(p, load<Doubles>(&at.compaction[k])), load<Doubles>(&at.logarithm[k]),
+          load<Doubles>(&at.inverse_rest[k])};
+}
+
+/// The explicit returns of CapModel::returnToSurface; for the others, where iterations begin.
 /// @return whether a lane is not done
-BRASH_ICE_INLINE bool iterateOnce(const CapConstants& p, Iteration& at, std::size_t k, bool may_step) {
-  const Doubles trial_j1 = load<Doubles>(&at.trial_j1[k]), trial_s = load<Doubles>(&at.trial_s[k]);
-  const Doubles x = load<Doubles>(&at.increment[k]);
-  const Cap cap{load<Doubles>(&at.start[k]), load<Doubles>(&at.width[k]), load<Doubles>(&at.inverse_width[k]),
-                load<Doubles>(&at.hardening[k])};
-  const Residual residual = computeResidual(p, x, cap, trial_j1, trial_s);
-  const Mask is_outside = residual.value < 0.0;
-  const Doubles outside = select(is_outside, x, load<Doubles>(&at.outside[k]));
-  const Doubles inside = select(is_outside, load<Doubles>(&at.inside[k]), x);
-  const Doubles size =
-      (abs(trial_j1) + p.alpha_pa) * (1.0 / (3.0 * p.bulk_modulus_pa)) + larger(abs(inside), abs(outside));
-  const Mask done = (abs(residual.value) <= residual.tolerance) | (abs(inside - outside) <= kBracketTolerance * size);
+BRASH_ICE_INLINE bool beginReturn(const CapConstants& p, Returns& at, std::size_t k) {
+  const double bulk_3 = 3.0 * p.bulk_modulus_pa, inverse_bulk_3 = 1.0 / bulk_3;
+  const Doubles j1 = load<Doubles>(&at.trial_j1[k]), s = load<Doubles>(&at.trial_s[k]);
+  const Doubles compaction = load<Doubles>(&at.compaction[k]);
+  const Cap cap = loadCap(at, k);
+  const Doubles cone = p.alpha_pa + p.theta * j1;
+  const Doubles to_apex = (j1 + p.apex_pa) * inverse_bulk_3;
+  const Mask dilates = (j1 - cap.start) * cap.inverse_width <= p.neutral;
+  Doubles outside = Doubles{}, first = Doubles{}, increment = Doubles{};
+  const Doubles inside = (j1 - (cap.start + p.neutral * cap.width)) * inverse_bulk_3;
+  Mask at_apex, on_cone;
+  if (p.associated) {
+    // On the cone alone the answer is explicit.
+    const double compliance = -3.0 * p.theta / (p.shear_modulus_pa + 3.0 * bulk_3 * p.theta * p.theta);
+    increment = compliance * (s - cone);
+    const Doubles end = j1 - bulk_3 * increment;
+    const Mask on_its_way = dilates & (increment < 0.0);
+    at_apex = on_its_way & (p.alpha_pa + p.theta * end <= 0.0);
+    outside = select(dilates, smaller(to_apex, Doubles{}), Doubles{});
+    const Mask usable = dilates & (increment > inside) & (increment < outside);
+    first = select(usable, increment, outside);
+    const Cap moved = moveCap(p, loadOldCap(p, at, k), compaction + select(on_its_way, increment, first));
+    on_cone = on_its_way & (end <= moved.start);
+    storeCap(at, k, select(dilates, moved, cap));
+  } else {
+    at_apex = dilates & (cone <= 0.0);
+    on_cone = dilates;
+  }
+  const Doubles end = j1 - bulk_3 * increment;
+  const Mask done = at_apex | on_cone;
   store(&at.outside[k], outside);
   store(&at.inside[k], inside);
-  store(&at.j1[k], residual.j1);
-  store(&at.s[k], residual.s);
+  store(&at.increment[k], select(at_apex, to_apex, select(on_cone, increment, first)));
+  store(&at.last_step[k], abs(inside - outside));
+  store(&at.newton_step[k], Doubles{});
+  store(&at.j1[k], select(at_apex, splat(-p.apex_pa), end));
+  store(&at.s[k], select(at_apex, Doubles{}, p.alpha_pa + p.theta * end));
   store(&at.done[k], done);
-
-  const Doubles newton = x - residual.value / residual.slope;
-  const Mask usable =
-      ((newton - outside) * (newton - inside) < 0.0) & (abs(newton - x) <= 0.5 * load<Doubles>(&at.last_step[k]));
-  Doubles next = 0.5 * (outside + inside);
-  if (may_step) next = select(usable, newton, next);
-  store(&at.last_step[k], abs(next - x));
-  store(&at.increment[k], select(done, x, next));  // a lane that is done keeps its x, and so its residual
   return any(~done);
 }
 
-/// The caps at the new increments.
-BRASH_ICE_INLINE void moveCaps(const CapConstants& p, Iteration& at, std::size_t k) {
-  const Doubles compaction = load<Doubles>(&at.compaction[k]);
-  const OldCap old{compactionOfEq12(p, compaction), load<Doubles>(&at.logarithm[k]),
-                   load<Doubles>(&at.inverse_rest[k])};
-  const Mask done = load<Mask>(&at.done[k]);
-  const Cap moved = moveCap(p, old, compaction + load<Doubles>(&at.increment[k]));
-  store(&at.start[k], select(done, load<Doubles>(&at.start[k]), moved.start));
-  store(&at.width[k], select(done, load<Doubles>(&at.width[k]), moved.width));
-  store(&at.inverse_width[k], select(done, load<Doubles>(&at.inverse_width[k]), moved.inverse_width));
-  store(&at.hardening[k], select(done, load<Doubles>(&at.hardening[k]), moved.hardening));
+/// One step of Newton's method inside the bracket, as in CapModel::returnToSurface, which takes one step more to see
+/// that it has arrived. Here the last step is made along the slopes at hand, where two steps in a row tell that what
+/// is left after it, in proportion to |step|³ / |last step|², cannot be seen.
+/// @return whether a lane is not done
+BRASH_ICE_INLINE bool iterateOnce(const CapConstants& p, Returns& at, std::size_t k, bool may_step) {
+  const double j1_slope = -3.0 * p.bulk_modulus_pa;
+  const Mask was_done = load<Mask>(&at.done[k]);
+  const Doubles trial_j1 = load<Doubles>(&at.trial_j1[k]), trial_s = load<Doubles>(&at.trial_s[k]);
+  const Doubles x = load<Doubles>(&at.increment[k]);
+  const Residual residual = computeResidual(p, x, loadCap(at, k), trial_j1, trial_s);
+  const Mask is_outside = residual.value < 0.0;
+  const Doubles outside = select(is_outside, x, load<Doubles>(&at.outside[k]));
+  const Doubles inside = select(is_outside, load<Doubles>(&at.inside[k]), x);
+  const Doubles size = (abs(trial_j1) + p.alpha_pa) * (1.0 / -j1_slope) + larger(abs(inside), abs(outside));
+  const Mask arrived =
+      (abs(residual.value) <= residual.tolerance) | (abs(inside - outside) <= kBracketTolerance * size);
+  store(&at.outside[k], outside);
+  store(&at.inside[k], inside);
+
+  const Doubles newton = x - residual.value / residual.slope;
+  const Doubles step = newton - x, step_size = abs(step);
+  Mask usable = ((newton - outside) * (newton - inside) < 0.0) & (step_size <= 0.5 * load<Doubles>(&at.last_step[k]));
+  if (!may_step) usable = Mask{};
+  const Doubles next = select(usable, newton, 0.5 * (outside + inside));
+
+  // Per increment, the change of t, that of J1 in its own size, and that of the hardening.
+  const Doubles rate = larger(larger(abs(residual.t_slope), -j1_slope / (p.alpha_pa + abs(residual.j1))),
+                              load<Doubles>(&at.inverse_rest[k]));
+  const Doubles last = load<Doubles>(&at.newton_step[k]);
+  const Doubles t = residual.t + residual.t_slope * step;
+  const Mask same_side =
+      (residual.t * t > 0.0) & ((residual.t - p.neutral) * (t - p.neutral) > 0.0) & (x * newton > 0.0);
+  const Mask last_one = usable & ~residual.at_tip & same_side & (rate * step_size <= kLargestLastStep) &
+                        (rate * step_size * (step_size * step_size) <= kLastError * (last * last));
+  const Doubles j1 = residual.j1 + j1_slope * step;
+  const Doubles cap_t = larger(t, Doubles{});
+  const Doubles s = (p.alpha_pa + p.theta * j1) * squareRoot(1.0 - cap_t * cap_t);
+
+  const Mask steps = ~arrived & last_one;
+  const Mask done = was_done | arrived | last_one;
+  store(&at.j1[k], select(was_done, load<Doubles>(&at.j1[k]), select(steps, j1, residual.j1)));
+  store(&at.s[k], select(was_done, load<Doubles>(&at.s[k]), select(steps, s, residual.s)));
+  store(&at.increment[k], select(was_done | arrived, x, next));
+  store(&at.last_step[k], abs(next - x));
+  store(&at.newton_step[k], select(usable, step_size, Doubles{}));
+  store(&at.done[k], done);
+  return any(~done);
 }
 
-/// CapModel::returnToSurface where it needs Newton's method. Each step is made for all groups of lanes that are not
-/// done before the next: they do not wait for each other's results, and a step is a long chain of operations.
-void iterate(const CapConstants& p, Open& open, std::size_t count) {
+/// CapModel::returnToSurface for those that yield. Each step is made for all groups of lanes that are not done before
+/// the next: they do not wait for each other's results, and a step is a long chain of operations.
+void returnToSurface(const CapConstants& p, Open& open, std::size_t count) {
   const std::size_t filled = roundUp(count);
-  for (std::size_t k = count; k < filled; ++k) open.iterating[k] = open.iterating[count - 1];
-  Iteration at;
-  const double* const from[] = {
-      open.trial_j1, open.trial_s,     open.logarithm,   open.inverse_rest,        open.outside,        open.inside,
-      open.first,    open.first_start, open.first_width, open.first_inverse_width, open.first_hardening};
-  double* const to[] = {at.trial_j1,  at.trial_s, at.logarithm, at.inverse_rest,  at.outside,  at.inside,
-                        at.increment, at.start,   at.width,     at.inverse_width, at.hardening};
-  for (std::size_t k = 0; k < filled; k += kWidth) {
-    const std::uint32_t* const index = &open.iterating[k];
-    if (index[kWidth - 1] - index[0] == kWidth - 1) {
-      for (std::size_t a = 0; a < sizeof(to) / sizeof(to[0]); ++a) store(to[a] + k, load<Doubles>(from[a] + index[0]));
-    } else {
-      for (std::size_t a = 0; a < sizeof(to) / sizeof(to[0]); ++a) {
-        for (std::size_t i = 0; i < kWidth; ++i) to[a][k + i] = from[a][index[i]];
-      }
-    }
-    for (std::size_t i = 0; i < kWidth; ++i)
-      at.compaction[k + i] = static_cast<double>(open.state[kCompaction][index[i]]);
-    store(&at.last_step[k], abs(load<Doubles>(&at.inside[k]) - load<Doubles>(&at.outside[k])));
+  for (std::size_t k = count; k < filled; ++k) open.yielding[k] = open.yielding[count - 1];
+  Returns at;
+  const double* const from[] = {open.trial_j1, open.trial_s, open.logarithm,     open.inverse_rest,
+                                open.start,    open.width,   open.inverse_width, open.hardening};
+  double* const to[] = {at.trial_j1, at.trial_s, at.logarithm,     at.inverse_rest,
+                        at.start,    at.width,   at.inverse_width, at.hardening};
+  for (std::size_t a = 0; a < sizeof(to) / sizeof(to[0]); ++a) {
+    for (std::size_t k = 0; k < filled; ++k) to[a][k] = from[a][open.yielding[k]];
+  }
+  for (std::size_t k = 0; k < filled; ++k) {
+    at.compaction[k] = static_cast<double>(open.state[kCompaction][open.yielding[k]]);
   }
 
   std::uint32_t groups[kCapTile / kWidth];
   std::size_t group_count = 0;
-  for (std::size_t k = 0; k < filled; k += kWidth) groups[group_count++] = static_cast<std::uint32_t>(k);
-  for (int i = 0;; ++i) {
+  for (std::size_t k = 0; k < filled; k += kWidth) {
+    groups[group_count] = static_cast<std::uint32_t>(k);
+    group_count += beginReturn(p, at, k) ? 1 : 0;
+  }
+  for (int i = 0; group_count > 0; ++i) {
     std::size_t remaining = 0;
     for (std::size_t g = 0; g < group_count; ++g) {
       const std::uint32_t k = groups[g];
@@ -618,12 +723,16 @@ void iterate(const CapConstants& p, Open& open, std::size_t count) {
       remaining += iterateOnce(p, at, k, i <= kMaxNewtonSteps) ? 1 : 0;
     }
     group_count = remaining;
-    if (group_count == 0 || i == kMaxIterations) break;
-    for (std::size_t g = 0; g < group_count; ++g) moveCaps(p, at, groups[g]);
+    if (i == kMaxIterations) break;
+    for (std::size_t g = 0; g < group_count; ++g) {
+      const std::size_t k = groups[g];
+      storeCap(at, k,
+               moveCap(p, loadOldCap(p, at, k), load<Doubles>(&at.compaction[k]) + load<Doubles>(&at.increment[k])));
+    }
   }
 
   for (std::size_t k = 0; k < count; ++k) {
-    const std::size_t end = open.iterating[k];
+    const std::size_t end = open.yielding[k];
     open.j1[end] = at.j1[k];
     open.s[end] = at.trial_s[k] < at.s[k] ? at.trial_s[k] : at.s[k];
     open.increment[end] = at.increment[k];
@@ -693,7 +802,7 @@ BRASH_ICE_INLINE Doubles degradeStress(const CapConstants& p, Open& open, std::s
     const Doubles confined = select(deviatoric >= j1, splat(1.0), deviatoric / j1);
     Doubles limit = smaller(splat(kMaxDamage), confined * squareRoot(confined));
     Doubles shape = splat(p.ductile_shape);
-    if (any_tensile) {
+    if (any(grows & tensile)) {
       // Softening::brittleRate.
       const Doubles strongest = computeLargestPrincipal(undamaged) * (1.0 / p.root_elastic);
       rate = select(tensile, strongest * p.brittle_log, rate);
@@ -746,73 +855,82 @@ bool finish(const CapConstants& p, Open& open, std::size_t count) {
   return any(any_left);
 }
 
+/// Copies the open values of an array side by side, and repeats the last one up to a full group of lanes.
+BRASH_ICE_INLINE void collect(const OpenList& open, std::size_t filled, const float* from, float* to) {
+#if defined(__AVX512F__)
+  std::size_t n = 0;
+  for (std::size_t i = 0; i < kCapTile; i += 16) {
+    const auto bits = static_cast<__mmask16>(open.bits[i / 64] >> (i % 64));
+    if (bits == 0) continue;
+    _mm512_storeu_ps(to + n, _mm512_maskz_compress_ps(bits, _mm512_maskz_loadu_ps(bits, from + i)));
+    n += static_cast<std::size_t>(__builtin_popcount(bits));
+  }
+  for (; n < filled; ++n) to[n] = to[open.count - 1];
+#else
+  for (std::size_t k = 0; k < filled; ++k) to[k] = from[open.index[k]];
+#endif
+}
+
+/// Copies them back.
+BRASH_ICE_INLINE void distribute(const OpenList& open, const float* from, float* to) {
+#if defined(__AVX512F__)
+  std::size_t n = 0;
+  for (std::size_t i = 0; i < kCapTile; i += 16) {
+    const auto bits = static_cast<__mmask16>(open.bits[i / 64] >> (i % 64));
+    if (bits == 0) continue;
+    _mm512_mask_storeu_ps(to + i, bits, _mm512_maskz_expand_ps(bits, _mm512_loadu_ps(from + n)));
+    n += static_cast<std::size_t>(__builtin_popcount(bits));
+  }
+#else
+  for (std::size_t k = 0; k < open.count; ++k) to[open.index[k]] = from[k];
+#endif
+}
+
 std::size_t update(const CapConstants& constants, const CapBatch& batch, std::size_t begin, std::size_t count,
                    std::uint32_t* left) {
-  if (constants.leaves_yielding) return updateElastic(constants, batch, begin, count, left);
-  std::uint32_t index[kCapTile];
-  const std::size_t n = updateElastic(constants, batch, begin, count, index);
-  if (n == 0) return 0;
-  const std::size_t filled = roundUp(n);
-  for (std::size_t k = n; k < filled; ++k) index[k] = index[n - 1];
-
-  Open open;
-  // Arrays of the batch and where their open values go; the first six are read only.
-  const float* from[12 + kCapStates];
-  float* to[12 + kCapStates];
-  std::size_t arrays = 0;
+  Arrays arrays{};
   for (std::size_t c = 0; c < 6; ++c) {
-    from[arrays] = batch.strain_increment[c] + begin;
-    to[arrays++] = open.strain[c];
-  }
-  for (std::size_t c = 0; c < 6; ++c) {
-    from[arrays] = batch.stress[c] + begin;
-    to[arrays++] = open.stress[c];
+    arrays.strain[c] = batch.strain_increment[c] + begin;
+    arrays.stress[c] = batch.stress[c] + begin;
   }
   for (std::size_t i = 0; i < kCapStates; ++i) {
-    if (batch.state[i] == nullptr) continue;
-    from[arrays] = batch.state[i] + begin;
-    to[arrays++] = open.state[i];
+    if (batch.state[i] != nullptr) arrays.state[i] = batch.state[i] + begin;
   }
-  for (std::size_t k = 0; k < filled; k += kWidth) {
-    const std::uint32_t* const at = &index[k];
-    if (at[kWidth - 1] - at[0] == kWidth - 1) {
-      for (std::size_t a = 0; a < arrays; ++a) store(to[a] + k, load<Floats>(from[a] + at[0]));
-    } else {
-      for (std::size_t a = 0; a < arrays; ++a) {
-        for (std::size_t i = 0; i < kWidth; ++i) to[a][k + i] = from[a][at[i]];
-      }
-    }
+  OpenList list;
+  updateElastic(constants, arrays, count, list);
+  if (constants.leaves_yielding) {
+    for (std::size_t k = 0; k < list.count; ++k) left[k] = list.index[k];
+    return list.count;
   }
-  const std::size_t iterating = predict(constants, open, filled);
-  if (iterating > 0) iterate(constants, open, iterating);
-  const bool any_left = finish(constants, open, filled);
+  if (list.count == 0) return 0;
+
+  const std::size_t filled = roundUp(list.count);
+  for (std::size_t k = list.count; k < filled; ++k) list.index[k] = list.index[list.count - 1];
+  Open open;
+  for (std::size_t c = 0; c < 6; ++c) {
+    collect(list, filled, arrays.strain[c], open.strain[c]);
+    collect(list, filled, arrays.stress[c], open.stress[c]);
+  }
+  for (std::size_t i = 0; i < kCapStates; ++i) {
+    if (arrays.state[i] != nullptr) collect(list, filled, arrays.state[i], open.state[i]);
+  }
+  const std::size_t yielding = predict(constants, open, filled);
+  if (yielding > 0) returnToSurface(constants, open, yielding);
   std::size_t left_count = 0;
-  if (any_left) {
-    for (std::size_t k = 0; k < n; ++k) {
+  if (finish(constants, open, filled)) {
+    for (std::size_t k = 0; k < list.count; ++k) {
       if (open.left[k] == 0) continue;
       // Its old values go back.
-      for (std::size_t a = 6; a < arrays; ++a) to[a][k] = from[a][index[k]];
-      left[left_count++] = index[k];
-    }
-    for (std::size_t k = n; k < filled; ++k) {
-      for (std::size_t a = 6; a < arrays; ++a) to[a][k] = to[a][n - 1];
-    }
-  }
-  float* back[12 + kCapStates];
-  for (std::size_t c = 0; c < 6; ++c) back[6 + c] = batch.stress[c] + begin;
-  std::size_t a = 12;
-  for (std::size_t i = 0; i < kCapStates; ++i) {
-    if (batch.state[i] != nullptr) back[a++] = batch.state[i] + begin;
-  }
-  for (std::size_t k = 0; k < filled; k += kWidth) {
-    const std::uint32_t* const at = &index[k];
-    if (at[kWidth - 1] - at[0] == kWidth - 1) {
-      for (a = 6; a < arrays; ++a) store(back[a] + at[0], load<Floats>(to[a] + k));
-    } else {
-      for (a = 6; a < arrays; ++a) {
-        for (std::size_t i = 0; i < kWidth; ++i) back[a][at[i]] = to[a][k + i];
+      left[left_count++] = list.index[k];
+      for (std::size_t c = 0; c < 6; ++c) open.stress[c][k] = arrays.stress[c][list.index[k]];
+      for (std::size_t i = 0; i < kCapStates; ++i) {
+        if (arrays.state[i] != nullptr) open.state[i][k] = arrays.state[i][list.index[k]];
       }
     }
+  }
+  for (std::size_t c = 0; c < 6; ++c) distribute(list, open.stress[c], arrays.stress[c]);
+  for (std::size_t i = 0; i < kCapStates; ++i) {
+    if (arrays.state[i] != nullptr) distribute(list, open.state[i], arrays.state[i]);
   }
   return left_count;
 }

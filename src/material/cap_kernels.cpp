@@ -383,6 +383,22 @@ struct Open {
   alignas(64) std::int64_t yields[kCapTile];
   alignas(64) std::int64_t left[kCapTile];
   std::uint32_t yielding[kCapTile];  // which ones yield
+  // Damage: the strain that counts, the largest principal values of strain and stress where needed.
+  alignas(64) double strain_of_damage[6][kCapTile];
+  alignas(64) double measure[kCapTile], threshold[kCapTile], strongest[kCapTile];
+  alignas(64) std::int64_t tensile[kCapTile], grows[kCapTile];
+};
+
+/// Some of a tile's groups of lanes: where they begin.
+struct Groups {
+  std::uint32_t begin[kCapTile / kWidth];
+  std::size_t count = 0;
+
+  /// @param belongs  whether it does
+  BRASH_ICE_INLINE void add(std::size_t k, bool belongs) {
+    begin[count] = static_cast<std::uint32_t>(k);
+    count += belongs ? 1 : 0;
+  }
 };
 
 std::size_t roundUp(std::size_t count) {
@@ -415,7 +431,10 @@ BRASH_ICE_INLINE Doubles computeLogarithm(const CapConstants& p, Doubles compact
 
 BRASH_ICE_INLINE OldCap computeOldCap(const CapConstants& p, Doubles compaction) {
   const Doubles e = compactionOfEq12(p, compaction);
-  return {e, computeLogarithm(p, e), 1.0 / (p.max_compaction - e)};
+  Doubles logarithm{};
+  const Mask compacted = e > 0.0;
+  if (any(compacted)) logarithm = select(compacted, computeLogarithm(p, e), logarithm);
+  return {e, logarithm, 1.0 / (p.max_compaction - e)};
 }
 
 /// CapModel::capAt. With root = sqrt(D1² + 4 D2 l), a = D1 + root and b = (W - e) root:
@@ -434,14 +453,20 @@ BRASH_ICE_INLINE Cap computeCap(const CapConstants& p, Doubles compaction, Doubl
           a_b * a_b * inverse * (1.0 / p.width_ratio), select(compaction > 0.0, a * inverse_a_b, Doubles{})};
 }
 
+BRASH_ICE_INLINE Cap computeVirginCap(const CapConstants& p) {
+  return computeCap(p, Doubles{}, Doubles{}, Doubles{});
+}
+
 /// A cap not far from the old one, whose logarithm needs only a short sum.
-BRASH_ICE_INLINE Cap moveCap(const CapConstants& p, const OldCap& old, Doubles compaction) {
+BRASH_ICE_INLINE Cap moveCap(const CapConstants& p, const Cap& virgin, const OldCap& old, Doubles compaction) {
   const Doubles e = compactionOfEq12(p, compaction);
+  const Mask compacted = e > 0.0;
+  if (!any(compacted)) return virgin;
   const Doubles ratio = (old.compaction - e) * old.inverse_rest;
   Doubles logarithm = old.logarithm - computeLogNearOne(ratio);
   const Mask far = abs(ratio) > 0x1p-5;
   if (any(far)) logarithm = select(far, computeLogarithm(p, e), logarithm);
-  return computeCap(p, compaction, e, logarithm);
+  return select(compacted, computeCap(p, compaction, e, logarithm), virgin);
 }
 
 /// Elastic predictor and CapModel::isElastic. Lists the particles that yield.
@@ -602,7 +627,7 @@ BRASH_ICE_INLINE OldCap loadOldCap(const CapConstants& p, const Returns& at, std
 
 /// The explicit returns of CapModel::returnToSurface; for the others, where iterations begin.
 /// @return whether a lane is not done
-BRASH_ICE_INLINE bool beginReturn(const CapConstants& p, Returns& at, std::size_t k) {
+BRASH_ICE_INLINE bool beginReturn(const CapConstants& p, const Cap& virgin, Returns& at, std::size_t k) {
   const double bulk_3 = 3.0 * p.bulk_modulus_pa, inverse_bulk_3 = 1.0 / bulk_3;
   const Doubles j1 = load<Doubles>(&at.trial_j1[k]), s = load<Doubles>(&at.trial_s[k]);
   const Doubles compaction = load<Doubles>(&at.compaction[k]);
@@ -623,7 +648,7 @@ BRASH_ICE_INLINE bool beginReturn(const CapConstants& p, Returns& at, std::size_
     outside = select(dilates, smaller(to_apex, Doubles{}), Doubles{});
     const Mask usable = dilates & (increment > inside) & (increment < outside);
     first = select(usable, increment, outside);
-    const Cap moved = moveCap(p, loadOldCap(p, at, k), compaction + select(on_its_way, increment, first));
+    const Cap moved = moveCap(p, virgin, loadOldCap(p, at, k), compaction + select(on_its_way, increment, first));
     on_cone = on_its_way & (end <= moved.start);
     storeCap(at, k, select(dilates, moved, cap));
   } else {
@@ -695,6 +720,7 @@ BRASH_ICE_INLINE bool iterateOnce(const CapConstants& p, Returns& at, std::size_
 /// CapModel::returnToSurface for those that yield. Each step is made for all groups of lanes that are not done before
 /// the next: they do not wait for each other's results, and a step is a long chain of operations.
 void returnToSurface(const CapConstants& p, Open& open, std::size_t count) {
+  const Cap virgin = computeVirginCap(p);
   const std::size_t filled = roundUp(count);
   for (std::size_t k = count; k < filled; ++k) open.yielding[k] = open.yielding[count - 1];
   Returns at;
@@ -709,25 +735,21 @@ void returnToSurface(const CapConstants& p, Open& open, std::size_t count) {
     at.compaction[k] = static_cast<double>(open.state[kCompaction][open.yielding[k]]);
   }
 
-  std::uint32_t groups[kCapTile / kWidth];
-  std::size_t group_count = 0;
-  for (std::size_t k = 0; k < filled; k += kWidth) {
-    groups[group_count] = static_cast<std::uint32_t>(k);
-    group_count += beginReturn(p, at, k) ? 1 : 0;
-  }
-  for (int i = 0; group_count > 0; ++i) {
-    std::size_t remaining = 0;
-    for (std::size_t g = 0; g < group_count; ++g) {
-      const std::uint32_t k = groups[g];
-      groups[remaining] = k;
-      remaining += iterateOnce(p, at, k, i <= kMaxNewtonSteps) ? 1 : 0;
+  Groups groups;
+  for (std::size_t k = 0; k < filled; k += kWidth) groups.add(k, beginReturn(p, virgin, at, k));
+  for (int i = 0; groups.count > 0; ++i) {
+    Groups remaining;
+    for (std::size_t g = 0; g < groups.count; ++g) {
+      const std::size_t k = groups.begin[g];
+      remaining.add(k, iterateOnce(p, at, k, i <= kMaxNewtonSteps));
     }
-    group_count = remaining;
+    groups = remaining;
     if (i == kMaxIterations) break;
-    for (std::size_t g = 0; g < group_count; ++g) {
-      const std::size_t k = groups[g];
-      storeCap(at, k,
-               moveCap(p, loadOldCap(p, at, k), load<Doubles>(&at.compaction[k]) + load<Doubles>(&at.increment[k])));
+    for (std::size_t g = 0; g < groups.count; ++g) {
+      const std::size_t k = groups.begin[g];
+      storeCap(
+          at, k,
+          moveCap(p, virgin, loadOldCap(p, at, k), load<Doubles>(&at.compaction[k]) + load<Doubles>(&at.increment[k])));
     }
   }
 
@@ -740,118 +762,165 @@ void returnToSurface(const CapConstants& p, Open& open, std::size_t count) {
   }
 }
 
+// ------------------------------------------------------------------------------------------------ after the return
+
+BRASH_ICE_INLINE void loadTensor(const double (*from)[kCapTile], std::size_t k, Doubles* to) {
+  for (std::size_t c = 0; c < 6; ++c) to[c] = load<Doubles>(&from[c][k]);
+}
+
+/// The rest of CapModel::updateParticle but for damage. The undamaged stress takes the place of the trial.
+BRASH_ICE_INLINE void settle(const CapConstants& p, Open& open, std::size_t k) {
+  const Doubles trial_j1 = load<Doubles>(&open.trial_j1[k]), trial_s = load<Doubles>(&open.trial_s[k]);
+  const Doubles j1 = load<Doubles>(&open.j1[k]), s = load<Doubles>(&open.s[k]);
+  const Doubles increment = load<Doubles>(&open.increment[k]);
+  const Mask yields = load<Mask>(&open.yields[k]);
+  const Doubles shrink = select(trial_s > 0.0, s / trial_s, Doubles{});
+  for (std::size_t c = 0; c < 6; ++c) {
+    const Doubles trial = load<Doubles>(&open.trial[c][k]);
+    const Doubles deviator = c < 3 ? trial + trial_j1 * (1.0 / 3.0) : trial;
+    const Doubles stress = c < 3 ? shrink * deviator - j1 * (1.0 / 3.0) : shrink * deviator;
+    store(&open.trial[c][k], select(yields, stress, trial));
+  }
+  const Doubles compaction = widen(&open.state[kCompaction][k]);
+  store(&open.state[kCompaction][k], narrow(select(yields, larger(compaction + increment, Doubles{}), compaction)));
+  const Doubles plastic_strain = widen(&open.state[kPlasticStrain][k]);
+  const double inverse_shear = 1.0 / (kRootOfThree * p.shear_modulus_pa);
+  store(&open.state[kPlasticStrain][k], narrow(plastic_strain + (trial_s - s) * inverse_shear));
+  if (p.gap_memory) {
+    const Doubles gap = widen(&open.state[kGap][k]);
+    store(&open.state[kGap][k], narrow(select((increment < 0.0) & (j1 <= 0.0), gap - increment, gap)));
+  }
+}
+
+// The stages of CapModel::degradeStress.
+
+/// Total strain, regime, and the measure of ductile damage.
+/// @return whether a lane is in tension
+BRASH_ICE_INLINE bool measureDuctile(const CapConstants& p, Open& open, std::size_t k) {
+  const Doubles j1 = load<Doubles>(&open.j1[k]);
+  Doubles undamaged[6];
+  loadTensor(open.trial, k, undamaged);
+  // The part of the elastic strain that is there only because the modulus is scaled.
+  const double excess = 1.0 - p.stiffness_scale;
+  const double excess_shear = 0.5 * excess / p.shear_modulus_pa;
+  const Doubles excess_volume = j1 * (excess_shear / 3.0 - excess / (9.0 * p.bulk_modulus_pa));
+  Doubles normal{}, shear{};  // parts of stress : strain
+  for (std::size_t c = 0; c < 6; ++c) {
+    float* const total = &open.state[kTotalStrain + c][k];
+    const Floats sum = narrow(widen(total) + widen(&open.strain[c][k]));
+    store(total, sum);
+    Doubles e = widen(sum) - excess_shear * undamaged[c];
+    if (c < 3) e -= excess_volume;
+    store(&open.strain_of_damage[c][k], e);
+    (c < 3 ? normal : shear) += undamaged[c] * e;
+  }
+  // A crack that is still open carries no shear either.
+  Mask tensile = j1 < 0.0;
+  if (p.gap_memory) tensile |= widen(&open.state[kGap][k]) > 0.0;
+  store(&open.tensile[k], tensile);
+  store(&open.measure[k], squareRoot(larger(0.5 * normal + shear, Doubles{})));
+  return any(tensile);
+}
+
+/// The measure of brittle damage.
+BRASH_ICE_INLINE void measureBrittle(const CapConstants& p, Open& open, std::size_t k) {
+  Doubles strain[6];
+  loadTensor(open.strain_of_damage, k, strain);
+  const Doubles measure = p.root_elastic * computeLargestPrincipal(strain);
+  store(&open.measure[k], select(load<Mask>(&open.tensile[k]), measure, load<Doubles>(&open.measure[k])));
+}
+
+/// Thresholds of the regime that each particle is in.
+/// @return whether damage may grow in a lane
+BRASH_ICE_INLINE bool compareWithThreshold(Open& open, std::size_t k) {
+  const Mask tensile = load<Mask>(&open.tensile[k]);
+  const Mask shears = load<Mask>(&open.yields[k]) & (load<Doubles>(&open.increment[k]) <= 0.0);
+  const Doubles measure = load<Doubles>(&open.measure[k]);
+  const Doubles brittle = widen(&open.state[kBrittleThreshold][k]), ductile = widen(&open.state[kDuctileThreshold][k]);
+  Doubles threshold = select(tensile, brittle, ductile);
+  const Doubles met = select(measure != 0.0, measure, splat(1e-30));
+  threshold = select(shears & (threshold == 0.0), asFloat(met), threshold);
+  store(&open.state[kBrittleThreshold][k], narrow(select(tensile, threshold, brittle)));
+  store(&open.state[kDuctileThreshold][k], narrow(select(tensile, ductile, threshold)));
+  const Mask grows = (threshold != 0.0) & (measure - threshold > 0.0);
+  store(&open.threshold[k], threshold);
+  store(&open.grows[k], grows);
+  store(&open.left[k], load<Mask>(&open.left[k]) | ~isFinite(measure));
+  return any(grows);
+}
+
+BRASH_ICE_INLINE void findStrongest(Open& open, std::size_t k) {
+  Doubles undamaged[6];
+  loadTensor(open.trial, k, undamaged);
+  store(&open.strongest[k], computeLargestPrincipal(undamaged));
+}
+
 /// Damage grows, but not by what float cannot resolve, or rest would creep.
 BRASH_ICE_INLINE void raise(float* damage, Mask grows, Doubles value) {
   const Doubles old = widen(damage);
   store(damage, narrow(select(grows & (value > old + kDamageResolution), value, old)));
 }
 
-/// CapModel::degradeStress.
-/// @param shears  whether this step flowed on the shear surface, i.e. without compaction
-/// @return the share of the stress that damage leaves
-BRASH_ICE_INLINE Doubles degradeStress(const CapConstants& p, Open& open, std::size_t k, const Doubles* undamaged,
-                                       Doubles j1, Doubles s, Mask shears) {
-  // The part of the elastic strain that is there only because the modulus is scaled.
-  const double excess = 1.0 - p.stiffness_scale;
-  const double excess_shear = 0.5 * excess / p.shear_modulus_pa;
-  const Doubles excess_volume = j1 * (excess_shear / 3.0 - excess / (9.0 * p.bulk_modulus_pa));
-  Doubles e[6];
-  for (std::size_t c = 0; c < 6; ++c) {
-    float* const total = &open.state[kTotalStrain + c][k];
-    const Floats sum = narrow(widen(total) + widen(&open.strain[c][k]));
-    store(total, sum);
-    e[c] = widen(sum) - excess_shear * undamaged[c];
-    if (c < 3) e[c] -= excess_volume;
-  }
-
-  // A crack that is still open carries no shear either.
-  Mask tensile = j1 < 0.0;
-  if (p.gap_memory) tensile |= widen(&open.state[kGap][k]) > 0.0;
-  const Doubles product = undamaged[0] * e[0] + undamaged[1] * e[1] + undamaged[2] * e[2] +
-                          2.0 * (undamaged[3] * e[3] + undamaged[4] * e[4] + undamaged[5] * e[5]);
-  Doubles measure = squareRoot(larger(0.5 * product, Doubles{}));
-  const bool any_tensile = any(tensile);
-  if (any_tensile) measure = select(tensile, p.root_elastic * computeLargestPrincipal(e), measure);
-
-  Doubles brittle_threshold = widen(&open.state[kBrittleThreshold][k]);
-  Doubles ductile_threshold = widen(&open.state[kDuctileThreshold][k]);
-  Doubles threshold = select(tensile, brittle_threshold, ductile_threshold);
-  const Doubles met = select(measure != 0.0, measure, splat(1e-30));
-  threshold = select(shears & (threshold == 0.0), asFloat(met), threshold);
-  store(&open.state[kBrittleThreshold][k], narrow(select(tensile, threshold, brittle_threshold)));
-  store(&open.state[kDuctileThreshold][k], narrow(select(tensile, ductile_threshold, threshold)));
-  Mask left = load<Mask>(&open.left[k]);
-  left |= ~isFinite(measure);
-  store(&open.left[k], left);
-
-  const Doubles growth = measure - threshold;
-  const Mask grows = (threshold != 0.0) & (growth > 0.0);
-  if (any(grows)) {
-    // Softening::fractureEnergy.
-    const Doubles deviatoric = kRootOfThree * s;
-    const Doubles size = abs(j1);
-    const Doubles ratio = select(size >= deviatoric, splat(1.0), size / deviatoric);
-    const Doubles square = ratio * ratio;
-    const double shear = p.fracture_energy_shear_jpm2;
-    const Doubles energy = shear + select(j1 <= 0.0, ratio * (p.fracture_energy_tension_jpm2 - shear),
-                                          square * square * ratio * (p.fracture_energy_compression_jpm2 - shear));
-    // Softening::ductileRate and maxDuctileDamage.
-    const Doubles linear = threshold * p.ductile_log;
-    const Doubles energy_per_length = energy * (1.0 / p.element_length_m);
-    Doubles rate = 2.0 * (linear + squareRoot(linear * linear + p.ductile_dilog * energy_per_length));
-    const Doubles confined = select(deviatoric >= j1, splat(1.0), deviatoric / j1);
-    Doubles limit = smaller(splat(kMaxDamage), confined * squareRoot(confined));
-    Doubles shape = splat(p.ductile_shape);
-    if (any(grows & tensile)) {
-      // Softening::brittleRate.
-      const Doubles strongest = computeLargestPrincipal(undamaged) * (1.0 / p.root_elastic);
-      rate = select(tensile, strongest * p.brittle_log, rate);
-      limit = select(tensile, splat(kMaxDamage), limit);
-      shape = select(tensile, splat(p.brittle_shape), shape);
-    }
-    const Doubles decay = computeExp(-growth * rate / energy_per_length);
-    const Doubles value = limit * (1.0 - decay) / (1.0 + shape * decay);
-    raise(&open.state[kBrittleDamage][k], grows & tensile, value);
-    raise(&open.state[kDuctileDamage][k], grows & ~tensile, value);
-  }
-  const Doubles brittle = widen(&open.state[kBrittleDamage][k]), ductile = widen(&open.state[kDuctileDamage][k]);
-  const Doubles applied = select(tensile, larger(brittle, ductile), ductile);
-  store(&open.state[kDamage][k], narrow(applied));
-  return 1.0 - applied;
+BRASH_ICE_INLINE void growDamage(const CapConstants& p, Open& open, std::size_t k) {
+  const Doubles j1 = load<Doubles>(&open.j1[k]), s = load<Doubles>(&open.s[k]);
+  const Mask tensile = load<Mask>(&open.tensile[k]), grows = load<Mask>(&open.grows[k]);
+  const Doubles threshold = load<Doubles>(&open.threshold[k]);
+  const Doubles growth = load<Doubles>(&open.measure[k]) - threshold;
+  // Softening::fractureEnergy.
+  const Doubles deviatoric = kRootOfThree * s, size = abs(j1);
+  const Doubles ratio = select(size >= deviatoric, splat(1.0), size / deviatoric);
+  const Doubles square = ratio * ratio;
+  const double shear = p.fracture_energy_shear_jpm2;
+  const Doubles energy = shear + select(j1 <= 0.0, ratio * (p.fracture_energy_tension_jpm2 - shear),
+                                        square * square * ratio * (p.fracture_energy_compression_jpm2 - shear));
+  const Doubles energy_per_length = energy * (1.0 / p.element_length_m);
+  // Softening::ductileRate, brittleRate and maxDuctileDamage; rates are times the energy.
+  const Doubles linear = threshold * p.ductile_log;
+  const Doubles ductile_rate = 2.0 * (linear + squareRoot(linear * linear + p.ductile_dilog * energy_per_length));
+  const Doubles brittle_rate = load<Doubles>(&open.strongest[k]) * (p.brittle_log / p.root_elastic);
+  const Doubles confined = select(deviatoric >= j1, splat(1.0), deviatoric / j1);
+  const Doubles limit = select(tensile, splat(kMaxDamage), smaller(splat(kMaxDamage), confined * squareRoot(confined)));
+  const Doubles rate = select(tensile, brittle_rate, ductile_rate);
+  const Doubles shape = select(tensile, splat(p.brittle_shape), splat(p.ductile_shape));
+  const Doubles decay = computeExp(-growth * rate / energy_per_length);
+  const Doubles value = limit * (1.0 - decay) / (1.0 + shape * decay);
+  raise(&open.state[kBrittleDamage][k], grows & tensile, value);
+  raise(&open.state[kDuctileDamage][k], grows & ~tensile, value);
 }
 
-/// The rest of CapModel::updateParticle, after the return.
+BRASH_ICE_INLINE void applyDamage(Open& open, std::size_t k) {
+  const Doubles brittle = widen(&open.state[kBrittleDamage][k]), ductile = widen(&open.state[kDuctileDamage][k]);
+  const Doubles applied = select(load<Mask>(&open.tensile[k]), larger(brittle, ductile), ductile);
+  store(&open.state[kDamage][k], narrow(applied));
+  for (std::size_t c = 0; c < 6; ++c) {
+    const Doubles stress = load<Doubles>(&open.trial[c][k]) * (1.0 - applied);
+    store(&open.stress[c][k], narrow(stress));
+  }
+}
+
+/// From the returned invariants to new stress and state, stage by stage for all groups (see returnToSurface).
 /// @return whether any particle is left
 bool finish(const CapConstants& p, Open& open, std::size_t count) {
-  const double inverse_shear = 1.0 / (kRootOfThree * p.shear_modulus_pa);
-  Mask any_left = {};
-  for (std::size_t k = 0; k < count; k += kWidth) {
-    const Doubles trial_j1 = load<Doubles>(&open.trial_j1[k]), trial_s = load<Doubles>(&open.trial_s[k]);
-    const Doubles j1 = load<Doubles>(&open.j1[k]), s = load<Doubles>(&open.s[k]);
-    const Doubles increment = load<Doubles>(&open.increment[k]);
-    const Mask yields = load<Mask>(&open.yields[k]);
-    const Doubles shrink = select(trial_s > 0.0, s / trial_s, Doubles{});
-    Doubles stress[6];
-    for (std::size_t c = 0; c < 6; ++c) {
-      const Doubles trial = load<Doubles>(&open.trial[c][k]);
-      const Doubles deviator = c < 3 ? trial + trial_j1 * (1.0 / 3.0) : trial;
-      stress[c] = select(yields, c < 3 ? shrink * deviator - j1 * (1.0 / 3.0) : shrink * deviator, trial);
+  for (std::size_t k = 0; k < count; k += kWidth) settle(p, open, k);
+  if (p.damages) {
+    Groups tensile, growing;
+    for (std::size_t k = 0; k < count; k += kWidth) tensile.add(k, measureDuctile(p, open, k));
+    for (std::size_t g = 0; g < tensile.count; ++g) measureBrittle(p, open, tensile.begin[g]);
+    for (std::size_t k = 0; k < count; k += kWidth) growing.add(k, compareWithThreshold(open, k));
+    for (std::size_t g = 0; g < growing.count; ++g) {
+      const std::size_t k = growing.begin[g];
+      const Mask needed = load<Mask>(&open.tensile[k]) & load<Mask>(&open.grows[k]);
+      if (any(needed)) findStrongest(open, k);
     }
-    const Doubles compaction = widen(&open.state[kCompaction][k]);
-    store(&open.state[kCompaction][k], narrow(select(yields, larger(compaction + increment, Doubles{}), compaction)));
-    const Doubles plastic_strain = widen(&open.state[kPlasticStrain][k]);
-    store(&open.state[kPlasticStrain][k], narrow(plastic_strain + (trial_s - s) * inverse_shear));
-    if (p.gap_memory) {
-      const Doubles gap = widen(&open.state[kGap][k]);
-      store(&open.state[kGap][k], narrow(select((increment < 0.0) & (j1 <= 0.0), gap - increment, gap)));
+    for (std::size_t g = 0; g < growing.count; ++g) growDamage(p, open, growing.begin[g]);
+    for (std::size_t k = 0; k < count; k += kWidth) applyDamage(open, k);
+  } else {
+    for (std::size_t k = 0; k < count; k += kWidth) {
+      for (std::size_t c = 0; c < 6; ++c) store(&open.stress[c][k], narrow(load<Doubles>(&open.trial[c][k])));
     }
-    if (p.damages) {
-      const Doubles share = degradeStress(p, open, k, stress, j1, s, yields & (increment <= 0.0));
-      for (std::size_t c = 0; c < 6; ++c) stress[c] *= share;
-    }
-    for (std::size_t c = 0; c < 6; ++c) store(&open.stress[c][k], narrow(stress[c]));
-    any_left |= load<Mask>(&open.left[k]);
   }
+  Mask any_left{};
+  for (std::size_t k = 0; k < count; k += kWidth) any_left |= load<Mask>(&open.left[k]);
   return any(any_left);
 }
 

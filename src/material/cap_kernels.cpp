@@ -93,8 +93,10 @@ BRASH_ICE_INLINE Doubles widen(Floats value) {
   return _mm512_maskz_cvtps_pd(0xff, value);
 #elif defined(__AVX2__)
   return _mm256_cvtps_pd(value);
+#elif defined(__SSE2__)
+  return _mm_cvtps_pd(__m128{value[0], value[1], 0.0f, 0.0f});
 #else
-  return Doubles{static_cast<double>(value[0]), static_cast<double>(value[1])};
+  return __builtin_convertvector(value, Doubles);
 #endif
 }
 BRASH_ICE_INLINE Doubles widen(const float* from) {
@@ -121,8 +123,13 @@ BRASH_ICE_INLINE Floats narrow(Doubles value) {
   return _mm512_maskz_cvtpd_ps(0xff, value);
 #elif defined(__AVX2__)
   return _mm256_cvtpd_ps(value);
+#elif defined(__SSE2__)
+  const __m128 floats = _mm_cvtpd_ps(value);
+  return Floats{floats[0], floats[1]};
 #else
-  return Floats{static_cast<float>(value[0]), static_cast<float>(value[1])};
+  Floats floats = __builtin_convertvector(value, Floats);
+  __asm__("" : "+m"(floats));  // GCC 12 drops the rounding where a widening follows
+  return floats;
 #endif
 }
 BRASH_ICE_INLINE Doubles asFloat(Doubles value) {
@@ -216,12 +223,12 @@ BRASH_ICE_INLINE Doubles computeExp(Doubles x) {
 /// Largest eigenvalue: mean + 2 sqrt(J2 / 3) cos(acos(x) / 3), x = det(deviator) / 2 over (J2 / 3)^1.5. In
 /// u = cos(acos(x) / 2) that cosine is cos(2/3 acos(u)), which has no singularity near [0, 1].
 BRASH_ICE_INLINE Doubles computeLargestPrincipal(const Doubles* c) {
-  // To 3e-13.
-  constexpr double kCoefficients[] = {0.50000000000028455,     0.57735026907784848,   -0.11111110376460023,
-                                      0.053458166293177303,    -0.032919165080023211, 0.022846167992015432,
-                                      -0.016948570564984736,   0.01290260445724125,   -0.0095460400967022924,
-                                      0.0063618329935697729,   -0.00348452270319465,  0.0014109963756484363,
-                                      -0.00036524209825288765, 4.4607118125586219e-05};
+  // To 9e-15.
+  constexpr double kCoefficients[] = {
+      0.50000000000000688,    0.57735026918611321,    -0.11111111080995631,    0.053458347977806624,
+      -0.032921624935559883,  0.022866248978971111,   -0.017055565944752826,   0.013293041113790259,
+      -0.010550248345813997,  0.008209146896930546,   -0.0059209996385766253,  0.0036912026322573066,
+      -0.0018389155831255988, 0.00066762461648365212, -0.00015425694291050363, 1.6840798339836843e-05};
   const Doubles mean = (c[0] + c[1] + c[2]) * (1.0 / 3.0);
   const Doubles xx = c[0] - mean, yy = c[1] - mean, zz = c[2] - mean;
   const Doubles third = (0.5 * (xx * xx + yy * yy + zz * zz) + (c[3] * c[3] + c[4] * c[4] + c[5] * c[5])) * (1.0 / 3.0);

@@ -28,18 +28,9 @@ typedef std::int32_t WideMask __attribute__((vector_size(4 * kFloatWidth)));
 
 #define BRASH_ICE_INLINE inline __attribute__((always_inline))
 
-constexpr double kStressResolution = 5e-7;      // as in cap_model.cpp
-constexpr double kCompactionResolution = 7e-8;  //
-constexpr double kDamageResolution = 2e-7;      //
-constexpr double kMaxDamage = static_cast<double>(0.999f);
-constexpr double kTipOfCap = 0.1;
-constexpr double kResidualTolerance = 1e-9;
-constexpr double kTipTolerance = 1e-14;
-constexpr double kBracketTolerance = 1e-14;
 constexpr double kLargestLastStep = 3e-5;  // relative; what its square neglects is below the tolerance
 constexpr double kLastError = 1e-10;       // relative
-constexpr int kMaxNewtonSteps = 30;
-constexpr int kMaxIterations = 60;  // a return that takes more is left
+constexpr int kMaxIterations = 60;         // a return that takes more is left
 constexpr double kLargestFloat = 3.4028234663852886e38;
 constexpr double kRootOfThree = 1.7320508075688772;
 
@@ -484,7 +475,7 @@ std::size_t predict(const CapConstants& p, Open& open, std::size_t count) {
   for (std::size_t k = 0; k < count; k += kWidth) {
     Doubles strain[6], stress[6];
     Doubles integrity = splat(1.0);
-    if (p.damages) integrity = 1.0 - smaller(widen(&open.state[kDamage][k]), splat(kMaxDamage));
+    if (p.damages) integrity = 1.0 - smaller(widen(&open.state[kDamage][k]), splat(p.max_damage));
     const Doubles inverse_integrity = 1.0 / integrity;
     for (std::size_t c = 0; c < 6; ++c) {
       strain[c] = widen(&open.strain[c][k]);
@@ -886,7 +877,8 @@ BRASH_ICE_INLINE void growDamage(const CapConstants& p, Open& open, std::size_t 
   const Doubles ductile_rate = 2.0 * (linear + squareRoot(linear * linear + p.ductile_dilog * energy_per_length));
   const Doubles brittle_rate = load<Doubles>(&open.strongest[k]) * (p.brittle_log / p.root_elastic);
   const Doubles confined = select(deviatoric >= j1, splat(1.0), deviatoric / j1);
-  const Doubles limit = select(tensile, splat(kMaxDamage), smaller(splat(kMaxDamage), confined * squareRoot(confined)));
+  const Doubles limit =
+      select(tensile, splat(p.max_damage), smaller(splat(p.max_damage), confined * squareRoot(confined)));
   const Doubles rate = select(tensile, brittle_rate, ductile_rate);
   const Doubles shape = select(tensile, splat(p.brittle_shape), splat(p.ductile_shape));
   const Doubles decay = computeExp(-growth * rate / energy_per_length);

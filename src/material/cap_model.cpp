@@ -31,15 +31,7 @@ const CapKernels& capKernels(InstructionSet set) {
 
 namespace {
 
-constexpr double kTangentOnset = 1.0 - 1e-4;    // of W
-constexpr double kStressResolution = 5e-7;      // relative; stress lives in float between steps
-constexpr double kCompactionResolution = 7e-8;  // relative; a little more than what rounding to float takes
-constexpr double kDamageResolution = 2e-7;      // absolute
-constexpr double kTipOfCap = 0.1;               // F_c below which the squared form of the residual is used
-constexpr double kResidualTolerance = 1e-9;     // of the strength sqrt(F_c)
-constexpr double kTipTolerance = 1e-14;         // of F_c
-constexpr double kBracketTolerance = 1e-14;     // of the trial's strain
-constexpr int kMaxNewtonSteps = 30;
+constexpr double kTangentOnset = 1.0 - 1e-4;   // of W
 constexpr int kMaxIterations = 300;            // more than halving takes any bracket of doubles to its tolerance
 constexpr double kSmallestLodeFactor = 0.499;  // lower bound of lodeFactor(), whose minimum is 0.4995
 
@@ -184,6 +176,7 @@ CapConstants CapModel::makeConstants() const {
   c.fracture_energy_compression_jpm2 = p.damage.fracture_energy_compression_jpm2;
   c.fracture_energy_tension_jpm2 = p.damage.fracture_energy_tension_jpm2;
   c.fracture_energy_shear_jpm2 = p.damage.fracture_energy_shear_jpm2;
+  c.max_damage = Softening::kMaxDamage;
   c.ductile_shape = p.damage.ductile_shape;
   c.brittle_shape = p.damage.brittle_shape;
   c.ductile_log = softening_.ductileLog();

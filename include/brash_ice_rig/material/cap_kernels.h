@@ -10,6 +10,16 @@ namespace brash_ice_rig {
 // The cap model for many particles at a time. CapModel says what is computed; here are only plain structures, since the
 // code behind them is compiled once per instruction set.
 
+// What both paths, in lanes and one by one, call settled.
+constexpr double kStressResolution = 5e-7;      // relative; stress lives in float between steps
+constexpr double kCompactionResolution = 7e-8;  // relative; a little more than what rounding to float takes
+constexpr double kDamageResolution = 2e-7;      // absolute
+constexpr double kTipOfCap = 0.1;               // F_c below which the squared form of the residual is used
+constexpr double kResidualTolerance = 1e-9;     // of the strength sqrt(F_c)
+constexpr double kTipTolerance = 1e-14;         // of F_c
+constexpr double kBracketTolerance = 1e-14;     // of the trial's strain
+constexpr int kMaxNewtonSteps = 30;
+
 /// What the kernels know of a cap model. Symbols are those of CapModel and Softening.
 struct CapConstants {
   double alpha_pa, theta, inverse_aspect_ratio;
@@ -24,7 +34,7 @@ struct CapConstants {
   double root_elastic;  ///< sqrt(E) of the ice's own modulus, sqrt(Pa)
   double element_length_m;
   double fracture_energy_compression_jpm2, fracture_energy_tension_jpm2, fracture_energy_shear_jpm2;
-  double ductile_shape, brittle_shape;
+  double max_damage, ductile_shape, brittle_shape;
   double ductile_log, ductile_dilog, brittle_log;  ///< integrals of Softening
 };
 

@@ -12,18 +12,26 @@
 #include "brash_ice_rig/ice/ice_scaling.h"
 
 namespace brash_ice_rig {
+
+// One table of kernels per instruction set: src/material/cap_kernels.cpp.
+extern const CapKernels kCapKernels_baseline;
+#ifdef BRASH_ICE_X86_KERNELS
+extern const CapKernels kCapKernels_avx2;
+extern const CapKernels kCapKernels_avx512;
+#endif
+
+const CapKernels& capKernels(InstructionSet set) {
+#ifdef BRASH_ICE_X86_KERNELS
+  if (set == InstructionSet::kAvx512) return kCapKernels_avx512;
+  if (set == InstructionSet::kAvx2) return kCapKernels_avx2;
+#endif
+  assert(set == InstructionSet::kBaseline);
+  return kCapKernels_baseline;
+}
+
 namespace {
 
-constexpr std::size_t kTile = 128;              // particles per vectorised pass: all its arrays stay in the first cache
-constexpr double kTangentOnset = 1.0 - 1e-4;    // of W
-constexpr double kStressResolution = 5e-7;      // relative; stress lives in float between steps
-constexpr double kCompactionResolution = 7e-8;  // relative; a little more than what rounding to float takes
-constexpr double kDamageResolution = 2e-7;      // absolute
-constexpr double kTipOfCap = 0.1;               // F_c below which the squared form of the residual is used
-constexpr double kResidualTolerance = 1e-9;     // of the strength sqrt(F_c)
-constexpr double kTipTolerance = 1e-14;         // of F_c
-constexpr double kBracketTolerance = 1e-14;     // of the trial's strain
-constexpr int kMaxNewtonSteps = 30;
+constexpr double kTangentOnset = 1.0 - 1e-4;   // of W
 constexpr int kMaxIterations = 300;            // more than halving takes any bracket of doubles to its tolerance
 constexpr double kSmallestLodeFactor = 0.499;  // lower bound of lodeFactor(), whose minimum is 0.4995
 
@@ -102,8 +110,11 @@ CapParameters makeCapParameters(const IceConfig& ice, double stiffness_scale, do
   return result;
 }
 
-CapModel::CapModel(const CapParameters& parameters)
-    : parameters_(parameters), softening_(parameters.damage), state_names_{"compaction", "plastic_strain"} {
+CapModel::CapModel(const CapParameters& parameters, InstructionSet set)
+    : parameters_(parameters),
+      softening_(parameters.damage),
+      kernels_(&capKernels(set)),
+      state_names_{"compaction", "plastic_strain"} {
   const CapParameters& p = parameters_;
   assert(p.alpha_pa > 0.0 && p.theta > 0.0 && p.aspect_ratio > 0.0 && p.initial_intercept_pa > 0.0);
   assert(p.max_compaction > 0.0 && p.max_compaction < 1.0 && p.d1_per_pa > 0.0 && p.d2_per_pa2 >= 0.0);
@@ -134,6 +145,44 @@ CapModel::CapModel(const CapParameters& parameters)
       state_names_.push_back(name);
     }
   }
+  constants_ = makeConstants();
+}
+
+CapConstants CapModel::makeConstants() const {
+  const CapParameters& p = parameters_;
+  CapConstants c{};
+  c.alpha_pa = p.alpha_pa;
+  c.theta = p.theta;
+  c.inverse_aspect_ratio = 1.0 / p.aspect_ratio;
+  c.initial_intercept_pa = p.initial_intercept_pa;
+  c.max_compaction = p.max_compaction;
+  c.d1_per_pa = p.d1_per_pa;
+  c.d2_per_pa2 = p.d2_per_pa2;
+  c.bulk_modulus_pa = p.bulk_modulus_pa;
+  c.shear_modulus_pa = p.shear_modulus_pa;
+  c.stiffness_scale = p.stiffness_scale;
+  c.apex_pa = apex_;
+  c.width_ratio = width_ratio_;
+  c.neutral = neutral_;
+  c.tangent_onset = tangent_onset_;
+  c.smallest_lode_factor = p.three_invariant ? kSmallestLodeFactor : 1.0;
+  c.associated = p.flow_rule == FlowRule::kAssociated;
+  c.gap_memory = p.gap_memory;
+  c.damages = p.damages;
+  // The Lode angle is rarely asked for.
+  c.leaves_yielding = p.three_invariant;
+  c.root_elastic = root_elastic_;
+  c.element_length_m = p.damage.element_length_m;
+  c.fracture_energy_compression_jpm2 = p.damage.fracture_energy_compression_jpm2;
+  c.fracture_energy_tension_jpm2 = p.damage.fracture_energy_tension_jpm2;
+  c.fracture_energy_shear_jpm2 = p.damage.fracture_energy_shear_jpm2;
+  c.max_damage = Softening::kMaxDamage;
+  c.ductile_shape = p.damage.ductile_shape;
+  c.brittle_shape = p.damage.brittle_shape;
+  c.ductile_log = softening_.ductileLog();
+  c.ductile_dilog = softening_.ductileDilog();
+  c.brittle_log = softening_.brittleLog();
+  return c;
 }
 
 CapModel::Cap CapModel::capWithIntercept(double intercept, double hardening) const {
@@ -400,104 +449,28 @@ void CapModel::updateParticle(const MaterialBatch& batch, std::size_t i) const {
   for (std::size_t c = 0; c < kComponents; ++c) batch.stress[c][i] = toFloat(share * stress[c]);
 }
 
-/// One vectorised pass of elastic predictor and yield check over a tile, then the exact one where that does not settle
-/// it. The check uses a lower bound of the cap's intercept that needs no logarithm; since the surface grows with
-/// X, what it calls elastic is elastic.
-void CapModel::updateTile(const MaterialBatch& batch, std::size_t begin, std::size_t count) const {
-  assert(count <= kTile);
-  const CapParameters& p = parameters_;
-  const float shear_2 = static_cast<float>(2.0 * p.shear_modulus_pa);
-  const float lame = static_cast<float>(p.bulk_modulus_pa - 2.0 / 3.0 * p.shear_modulus_pa);
-  const float alpha = static_cast<float>(p.alpha_pa), theta = static_cast<float>(p.theta);
-  const float apex = static_cast<float>(apex_);
-  const float inverse_width_ratio = static_cast<float>(1.0 / width_ratio_);
-  const float initial_intercept = static_cast<float>(p.initial_intercept_pa * (1.0 - 1e-5));
-  const float inverse_max_compaction = static_cast<float>((1.0 - 1e-5) / p.max_compaction);
-  const float d1 = static_cast<float>(p.d1_per_pa), d2_per_d1 = static_cast<float>(p.d2_per_pa2 / p.d1_per_pa);
-  const float factor_2 = static_cast<float>(p.three_invariant ? kSmallestLodeFactor * kSmallestLodeFactor : 1.0);
-
-  std::array<const float*, kComponents> strain;
-  std::array<const float*, kComponents> stress;
+void CapModel::update(MaterialBatch& batch) const {
+  assert(batch.state.size() == stateNames().size());
+  CapBatch arrays{};
   for (std::size_t c = 0; c < kComponents; ++c) {
-    strain[c] = batch.strain_increment[c] + begin;
-    stress[c] = batch.stress[c] + begin;
+    arrays.strain_increment[c] = batch.strain_increment[c];
+    arrays.stress[c] = batch.stress[c];
   }
-  static constexpr float kNothing[kTile] = {};
-  const float* compaction = batch.state[0] + begin;
-  const float* gap = p.gap_memory ? batch.state[gap_] + begin : kNothing;
-  // Where a threshold is set, damage may grow without yielding.
-  const float* brittle_threshold = p.damages ? batch.state[damage_ + 3] + begin : kNothing;
-  const float* ductile_threshold = p.damages ? batch.state[damage_ + 4] + begin : kNothing;
-  // A short tile is filled up, so that each particle takes the same instructions however a batch is split.
-  float padded[2 * kComponents + 4][kTile];
-  if (count < kTile) {
-    const auto pad = [count](const float*& source, float* copy) {
-      std::copy_n(source, count, copy);
-      std::fill(copy + count, copy + kTile, 0.0f);
-      source = copy;
-    };
-    for (std::size_t c = 0; c < kComponents; ++c) {
-      pad(strain[c], padded[c]);
-      pad(stress[c], padded[kComponents + c]);
-    }
-    pad(compaction, padded[2 * kComponents]);
-    pad(gap, padded[2 * kComponents + 1]);
-    pad(brittle_threshold, padded[2 * kComponents + 2]);
-    pad(ductile_threshold, padded[2 * kComponents + 3]);
-  }
-
-  float predicted[kComponents][kTile];
-  std::int32_t open[kTile];
-  for (std::size_t i = 0; i < kTile; ++i) {
-    const float volume_part = lame * (strain[0][i] + strain[1][i] + strain[2][i]);
-    const float xx = stress[0][i] + (shear_2 * strain[0][i] + volume_part);
-    const float yy = stress[1][i] + (shear_2 * strain[1][i] + volume_part);
-    const float zz = stress[2][i] + (shear_2 * strain[2][i] + volume_part);
-    const float xy = stress[3][i] + shear_2 * strain[3][i];
-    const float yz = stress[4][i] + shear_2 * strain[4][i];
-    const float zx = stress[5][i] + shear_2 * strain[5][i];
-    const float j1 = -(xx + yy + zz);
-    const float dx = xx + j1 * (1.0f / 3.0f), dy = yy + j1 * (1.0f / 3.0f), dz = zz + j1 * (1.0f / 3.0f);
-    const float j2 = 0.5f * (dx * dx + dy * dy + dz * dz) + (xy * xy + yz * yz + zx * zx);
-
-    // -ln(1 - u) > u (6 - u) / (6 - 4 u) on (0, 1), and y > l / (D1 + D2 l / D1) for the root y of eq. 12.
-    const float scaled = compaction[i] * inverse_max_compaction;
-    const float u = scaled > 1.0f ? 1.0f : scaled < 0.0f ? 0.0f : scaled;
-    const float numerator = u * (6.0f - u);
-    const float intercept = initial_intercept + numerator / ((6.0f - 4.0f * u) * d1 + d2_per_d1 * numerator);
-    const float raw_t = 1.0f - (intercept - j1) * inverse_width_ratio / (intercept + apex);
-    const float t = raw_t < 0.0f ? 0.0f : raw_t;
-    const float cone = alpha + theta * j1;
-    const float opening = strain[0][i] + strain[1][i] + strain[2][i];
-    const bool plain = ((gap[i] == 0.0f) | (j1 <= 0.0f) | (opening >= 0.0f)) & (brittle_threshold[i] == 0.0f) &
-                       (ductile_threshold[i] == 0.0f);
-    const bool elastic = plain & (cone >= 0.0f) & (j2 <= factor_2 * (cone * cone) * (1.0f - t * t));
-
-    predicted[0][i] = elastic ? xx : stress[0][i];
-    predicted[1][i] = elastic ? yy : stress[1][i];
-    predicted[2][i] = elastic ? zz : stress[2][i];
-    predicted[3][i] = elastic ? xy : stress[3][i];
-    predicted[4][i] = elastic ? yz : stress[4][i];
-    predicted[5][i] = elastic ? zx : stress[5][i];
-    open[i] = elastic ? 0 : 1;
-  }
-  for (std::size_t c = 0; c < kComponents; ++c) std::copy_n(predicted[c], count, batch.stress[c] + begin);
-  if (p.damages) {
-    for (std::size_t c = 0; c < kComponents; ++c) {
-      float* total = batch.state[damage_ + 5 + c] + begin;
-      for (std::size_t i = 0; i < count; ++i) total[i] += open[i] == 0 ? strain[c][i] : 0.0f;
-    }
-  }
-  for (std::size_t i = 0; i < count; ++i) {
-    if (open[i] != 0) updateParticle(batch, begin + i);
+  arrays.state[kCompaction] = batch.state[0];
+  arrays.state[kPlasticStrain] = batch.state[1];
+  if (parameters_.gap_memory) arrays.state[kGap] = batch.state[gap_];
+  if (parameters_.damages) std::copy_n(&batch.state[damage_], kCapStates - kDamage, &arrays.state[kDamage]);
+  for (std::size_t begin = 0; begin < batch.count; begin += kCapTile) {
+    std::uint32_t left[kCapTile];
+    const std::size_t left_count =
+        kernels_->update(constants_, arrays, begin, std::min(kCapTile, batch.count - begin), left);
+    for (std::size_t n = 0; n < left_count; ++n) updateParticle(batch, begin + left[n]);
   }
 }
 
-void CapModel::update(MaterialBatch& batch) const {
+void CapModel::updateOneByOne(MaterialBatch& batch) const {
   assert(batch.state.size() == stateNames().size());
-  for (std::size_t begin = 0; begin < batch.count; begin += kTile) {
-    updateTile(batch, begin, std::min(kTile, batch.count - begin));
-  }
+  for (std::size_t i = 0; i < batch.count; ++i) updateParticle(batch, i);
 }
 
 }  // namespace brash_ice_rig

@@ -31,6 +31,7 @@ Softening::Softening(const DamageParameters& parameters) : parameters_(parameter
   assert(p.fracture_energy_compression_jpm2 > 0.0 && p.fracture_energy_tension_jpm2 > 0.0);
   assert(p.fracture_energy_shear_jpm2 > 0.0);
   ductile_log_ = integralOfIntegrity(p.ductile_shape);
+  brittle_log_ = integralOfIntegrity(p.brittle_shape);
   ductile_dilog_ = (1.0 + p.ductile_shape) / p.ductile_shape * minusDilogarithmOfMinus(p.ductile_shape);
 }
 
@@ -59,8 +60,7 @@ double Softening::ductileRate(double threshold, double fracture_energy_jpm2) con
 }
 
 double Softening::brittleRate(double threshold, double fracture_energy_jpm2) const {
-  return threshold * parameters_.element_length_m * integralOfIntegrity(parameters_.brittle_shape) /
-         fracture_energy_jpm2;
+  return threshold * parameters_.element_length_m * brittle_log_ / fracture_energy_jpm2;
 }
 
 double Softening::damage(double rate_times_y, double shape) {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "brash_ice_rig/config/scenario.h"
+#include "brash_ice_rig/material/cap_kernels.h"
 #include "brash_ice_rig/material/damage.h"
 #include "brash_ice_rig/material/material.h"
 
@@ -51,12 +52,12 @@ CapParameters makeCapParameters(const IceConfig& ice, double stiffness_scale, do
 ///
 /// Damage (Murray 2007). The surface above holds for the undamaged stress; the stress is (1 - d) of it. Ductile damage
 /// grows while the mean stress is compressive, with tau_c = sqrt(stress : strain / 2); brittle damage while it is
-/// tensile, with tau_t = sqrt(E) times the largest principal strain, stress undamaged and strain total. The elastic part
-/// of that strain, and E, are those of the ice's own modulus: what scaling it down adds in strain breaks nothing. Each
-/// starts where flow without compaction is first met. Neither heals, but brittle damage has no part in compression: a
-/// crack that closes carries pressure. (1 - d) of a frictional stress takes away cohesion and stiffness, not friction.
-/// State: "damage" is d as applied now; "brittle_damage", "ductile_damage"; their thresholds, sqrt(Pa), 0 before they
-/// are met; the total strain.
+/// tensile, with tau_t = sqrt(E) times the largest principal strain, stress undamaged and strain total. The elastic
+/// part of that strain, and E, are those of the ice's own modulus: what scaling it down adds in strain breaks nothing.
+/// Each starts where flow without compaction is first met. Neither heals, but brittle damage has no part in
+/// compression: a crack that closes carries pressure. (1 - d) of a frictional stress takes away cohesion and stiffness,
+/// not friction. State: "damage" is d as applied now; "brittle_damage", "ductile_damage"; their thresholds, sqrt(Pa), 0
+/// before they are met; the total strain.
 ///
 /// Gap memory: plastic opening under tension is kept in the state "gap", volume strain, ≥ 0. While it is open, closing
 /// takes away gap instead of raising pressure, and brittle damage stays applied.
@@ -71,11 +72,15 @@ CapParameters makeCapParameters(const IceConfig& ice, double stiffness_scale, do
 class CapModel : public Material {
  public:
   /// Parameters outside their ranges are a bug of the caller (assert).
-  explicit CapModel(const CapParameters& parameters);
+  /// @param set  for which the kernels are compiled that update() uses; an available one
+  explicit CapModel(const CapParameters& parameters, InstructionSet set = chosenInstructionSet());
 
   std::vector<std::string> stateNames() const override { return state_names_; }
   std::size_t stateTensors() const override { return parameters_.damages ? 1 : 0; }
+  /// In lanes of several particles (cap_kernels.h); those that this leaves go one by one.
   void update(MaterialBatch& batch) const override;
+  /// The same to the resolution of float, one particle after the other: what the kernels are tested against.
+  void updateOneByOne(MaterialBatch& batch) const;
   double bulkModulus() const override { return parameters_.bulk_modulus_pa; }
   double shearModulus() const override { return parameters_.shear_modulus_pa; }
   double elasticEnergyDensity(const std::array<float, kComponents>& stress_pa,
@@ -122,11 +127,13 @@ class CapModel : public Material {
   Returned returnToSurface(const Invariants& trial, double shear, double compaction, const Cap& cap) const;
   double degradeStress(const MaterialBatch& batch, std::size_t i, const double* undamaged, const Invariants& invariants,
                        bool shears) const;
-  void updateTile(const MaterialBatch& batch, std::size_t begin, std::size_t count) const;
+  CapConstants makeConstants() const;
   void updateParticle(const MaterialBatch& batch, std::size_t i) const;
 
   CapParameters parameters_;
   Softening softening_;
+  const CapKernels* kernels_;
+  CapConstants constants_;
   std::vector<std::string> state_names_;
   // Where a state is among them, if it is.
   std::size_t gap_ = 0, damage_ = 0;

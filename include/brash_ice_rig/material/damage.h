@@ -53,10 +53,14 @@ class Softening {
   /// @param rate_times_y  A y, ≥ 0
   static double damage(double rate_times_y, double shape);
 
+  /// (1 + B) ln(1 + B) / B, -(1 + B) Li2(-B) / B and (1 + D) ln(1 + D) / D, which those rates are made of.
+  double ductileLog() const { return ductile_log_; }
+  double ductileDilog() const { return ductile_dilog_; }
+  double brittleLog() const { return brittle_log_; }
+
  private:
   DamageParameters parameters_;
-  double ductile_log_;    // (1 + B) ln(1 + B) / B
-  double ductile_dilog_;  // -(1 + B) Li2(-B) / B
+  double ductile_log_, ductile_dilog_, brittle_log_;
 };
 
 }  // namespace brash_ice_rig

@@ -57,16 +57,22 @@ void ActiveSet::endStep(const std::vector<Eigen::Vector3d>& position_m, const Ei
   sampling_ = (step_ + 1) % sample_steps_ == 0;
 }
 
-/// Groups that are pushed.
+/// Groups that are pushed, and those around them: what comes next meets ice that is awake.
 bool ActiveSet::wake() {
   bool changed = false;
+  const auto wakeGroup = [&](std::size_t group) {
+    if (group_awake_[group] != 0) return;
+    group_awake_[group] = 1;
+    quiet_for_[group] = 0;
+    changed = true;
+  };
   for (const Run& run : border_) {
     for (std::size_t i = run.begin; i < run.end; ++i) {
       if (pushed_[i] == 0) continue;
       pushed_[i] = 0;
-      group_awake_[i / kGroup] = 1;
-      quiet_for_[i / kGroup] = 0;
-      changed = true;
+      const std::size_t group = i / kGroup;
+      wakeGroup(group);
+      for (std::size_t n = group_row_[group]; n < group_row_[group + 1]; ++n) wakeGroup(group_neighbour_[n]);
     }
   }
   return changed;

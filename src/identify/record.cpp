@@ -292,14 +292,14 @@ void completeMotion(Record& record) {
   }
   if (record.hoist_speed_mps.empty()) {
     record.hoist_speed_mps = computeSmoothSlope(record.time_s, record.hoist_position_m);
-    assume("no hoist_speed_mps: slope of the position over 0.5 s");
+    assume("no hoist_speed_mps: slope of the position over 0.2 s");
   }
 }
 
 }  // namespace
 
 std::vector<double> computeSmoothSlope(const std::vector<double>& time_s, const std::vector<double>& y) {
-  constexpr double kHalfWindowS = 0.25;
+  constexpr double kHalfWindowS = 0.1;
   std::vector<std::size_t> finite;
   for (std::size_t i = 0; i < y.size(); ++i) {
     if (std::isfinite(time_s[i]) && std::isfinite(y[i])) finite.push_back(i);

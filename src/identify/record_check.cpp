@@ -53,15 +53,15 @@ constexpr double kMaxRise = 20.0;
 constexpr double kClearSigmas = 5.0;
 /// In a wrong unit, the curve is as clear as in the right one.
 constexpr double kCurveSigmas = 20.0;
-/// A flat top: this many equal readings in a row, and either noise that should have kept them apart or a slope beside
-/// it that would have gone on by more than so many steps of the resolution (a parabola's top is flat over 4 times its
-/// slope's step).
+/// A flat top: so many equal readings in a row, and either far more than at any other value, or between slopes that
+/// would have gone on by more than so many steps of the resolution (the flat top of a parabola is long enough for its
+/// slopes to go on by 4), beyond what white noise can feign.
 constexpr std::size_t kFlatSamples = 5;
-constexpr std::size_t kFlatNoisySamples = 10;
+constexpr std::size_t kFlatLongerThanOthers = 3;
 constexpr double kFlatSteps = 8.0;
 constexpr double kFlatSigmas = 4.0;
 constexpr double kMaxFlatShare = 0.3;  ///< of the lift
-/// Resolution over peak: above, rounding is as large as the effects that are looked for.
+/// Resolution over rise: above, rounding is as large as the effects that are looked for.
 constexpr double kMaxResolutionRatio = 0.02;
 /// Twenty bins give the noise to within 16 %.
 constexpr double kMinQuietS = 5.0;
@@ -74,6 +74,8 @@ constexpr double kMaxOffsetSigmaS = 0.25;
 /// An offset below this moves a force that rises by 10 % of the peak a second by 1 %.
 constexpr double kMinOffsetS = 0.1;
 constexpr double kOffsetSigmas = 3.0;
+/// What the model of the force around a stop leaves open: ice relaxes, ropes swing.
+constexpr double kOffsetModelSigmaS = 0.05;
 
 /// The rows that can be worked with.
 struct Samples {
@@ -459,11 +461,14 @@ Findings checkLift(double lift_m, double whole_m) {
 
 // ---- force
 
-/// Standard deviation of the noise from one reading to the next; robust against what the force itself does.
+/// Standard deviation of white noise, from second differences: slopes do not count. Robust against jumps.
 double whiteNoise(const std::vector<double>& reading_n) {
-  std::vector<double> steps;
-  for (std::size_t i = 1; i < reading_n.size(); ++i) steps.push_back(std::abs(reading_n[i] - reading_n[i - 1]));
-  return median(std::move(steps)) / (0.6745 * std::sqrt(2.0));
+  std::vector<double> bends;
+  for (std::size_t i = 2; i < reading_n.size(); ++i) {
+    bends.push_back(std::abs(reading_n[i] - 2.0 * reading_n[i - 1] + reading_n[i - 2]));
+  }
+  constexpr double kMedianOverSigma = 0.6745;  // of the magnitude of a normal variable
+  return median(std::move(bends)) / (kMedianOverSigma * std::sqrt(6.0));
 }
 
 /// Step of which the differences between readings are multiples; 0: none.
@@ -558,17 +563,19 @@ Findings checkSaturation(const Samples& samples, const Interval& lift, double re
   const double most = *std::max_element(reading_n.begin(), reading_n.end());
   std::size_t first = 0;
   std::size_t length = 0;
+  std::size_t longest_other = 0;
   double flat_s = 0.0;
-  for (std::size_t i = 0; i < reading_n.size(); ++i) {
-    if (reading_n[i] != most) continue;
-    std::size_t end = i;
-    while (end < reading_n.size() && reading_n[end] == most) ++end;
+  for (std::size_t i = 0, end = 0; i < reading_n.size(); i = end) {
+    while (end < reading_n.size() && reading_n[end] == reading_n[i]) ++end;
+    if (reading_n[i] != most) {
+      longest_other = std::max(longest_other, end - i);
+      continue;
+    }
     if (end - i >= kFlatSamples) flat_s += samples.time_s[end - 1] - samples.time_s[i];
     if (end - i > length) {
       first = i;
       length = end - i;
     }
-    i = end;
   }
   if (length < kFlatSamples) return {};
   const std::size_t end = first + length;
@@ -577,11 +584,14 @@ Findings checkSaturation(const Samples& samples, const Interval& lift, double re
   const std::size_t before =
       std::min(samples.at(samples.time_s[first] - kBesideS), first - std::min<std::size_t>(first, 5));
   const std::size_t after = std::max(samples.at(samples.time_s[end - 1] + kBesideS), std::min(end + 5, samples.size()));
-  const double slope = std::max(std::abs(fitLine(samples.time_s, reading_n, before, first).slope),
-                                std::abs(fitLine(samples.time_s, reading_n, end, after).slope));
+  // On both sides: an ordinary peak may end in a sudden fall. At the end of the record there is one side only.
+  double slope = std::abs(fitLine(samples.time_s, reading_n, before, first).slope);
+  if (end < reading_n.size()) {
+    slope = std::min(slope, std::abs(fitLine(samples.time_s, reading_n, end, after).slope));
+  }
   const bool too_steep = slope * run_s > kFlatSteps * resolution_n + kFlatSigmas * white_n;
-  const bool too_quiet = length >= kFlatNoisySamples && white_n > resolution_n;
-  if (!too_steep && !too_quiet) return {};
+  const bool too_long = length > 2 * kFlatSamples && length > kFlatLongerThanOthers * longest_other;
+  if (!too_steep && !too_long) return {};
   const double share = flat_s / std::max(lift.end_s - lift.start_s, run_s);
   const bool refused = share > kMaxFlatShare;
   return {{refused ? Severity::kRefuse : Severity::kDegraded, "saturation", samples.row[first],
@@ -591,12 +601,12 @@ Findings checkSaturation(const Samples& samples, const Interval& lift, double re
                    : "the peak is at least this; flat parts must be left out, and effects at the peak cannot be told"}};
 }
 
-Findings checkResolution(double resolution_n, double peak_n) {
-  if (resolution_n <= kMaxResolutionRatio * peak_n) return {};
-  return {
-      {Severity::kDegraded, "resolution", std::nullopt,
-       "readings come in steps of " + number(resolution_n) + " N, " + percent(resolution_n / peak_n) + " of the peak",
-       "only effects that are several steps large can be told; use a smaller range or a finer converter"}};
+Findings checkResolution(double resolution_n, double rise_n) {
+  if (resolution_n <= kMaxResolutionRatio * std::abs(rise_n)) return {};
+  return {{Severity::kDegraded, "resolution", std::nullopt,
+           "readings come in steps of " + number(resolution_n) + " N, " + percent(resolution_n / std::abs(rise_n)) +
+               " of the rise",
+           "only effects that are several steps large can be told; use a smaller range or a finer converter"}};
 }
 
 Findings checkQuiet(const std::optional<Interval>& quiet) {
@@ -649,83 +659,145 @@ double interpolate(const std::vector<double>& t, const std::vector<double>& y, d
   return y[k - 1] + (at - t[k - 1]) / (t[k] - t[k - 1]) * (y[k] - y[k - 1]);
 }
 
-/// How well each offset explains the force around one event, as minus twice the log-likelihood. The force is taken for
-/// a straight line plus a multiple of the way, moved by the offset: its slope steps when the speed does. That is the
-/// cross-correlation of slope and speed, written as a least-squares fit so that it has an uncertainty.
-Eigen::VectorXd offsetMisfit(const Samples& samples, const Interval& window, const std::vector<double>& offsets_s,
-                             double white_n) {
-  // Means over 0.05 s: more samples would not make the timing better, only the work longer.
+/// Means of the force over 0.05 s: more samples would not make the timing better, only the work longer.
+struct ForceMeans {
+  std::vector<double> time_s, force_n;
+};
+
+ForceMeans forceMeans(const Samples& samples, const Interval& window) {
   constexpr double kMeanS = 0.05;
-  std::vector<double> t;
-  std::vector<double> f;
-  std::vector<double> count;
+  ForceMeans means;
+  std::vector<double> counts;
   const std::size_t last = samples.at(window.end_s);
+  double start_s = 0.0;
   for (std::size_t i = samples.at(window.start_s); i < last; ++i) {
-    if (count.empty() || samples.time_s[i] - t.back() / count.back() > kMeanS) {
-      t.push_back(0.0);
-      f.push_back(0.0);
-      count.push_back(0.0);
+    // A thousandth: times are rounded.
+    if (counts.empty() || samples.time_s[i] - start_s > 0.999 * kMeanS) {
+      start_s = samples.time_s[i];
+      means.time_s.push_back(0.0);
+      means.force_n.push_back(0.0);
+      counts.push_back(0.0);
     }
-    t.back() += samples.time_s[i];
-    f.back() += samples.force_n[i];
-    count.back() += 1.0;
+    means.time_s.back() += samples.time_s[i];
+    means.force_n.back() += samples.force_n[i];
+    counts.back() += 1.0;
   }
-  const Eigen::Index size = static_cast<Eigen::Index>(t.size());
-  const Eigen::Index offset_count = static_cast<Eigen::Index>(offsets_s.size());
-  constexpr Eigen::Index kParameters = 3;
-  if (size < 3 * kParameters) return Eigen::VectorXd::Zero(offset_count);
-  Eigen::VectorXd force(size);
-  Eigen::MatrixXd model(size, kParameters);
-  for (Eigen::Index k = 0; k < size; ++k) {
-    const auto i = static_cast<std::size_t>(k);
-    t[i] /= count[i];
-    force[k] = f[i] / count[i];
-    model(k, 0) = 1.0;
-    model(k, 1) = t[i] - window.start_s;
+  for (std::size_t k = 0; k < counts.size(); ++k) {
+    means.time_s[k] /= counts[k];
+    means.force_n[k] /= counts[k];
   }
-  Eigen::VectorXd misfit(offset_count);
-  Eigen::VectorXd best;
-  for (Eigen::Index j = 0; j < offset_count; ++j) {
-    for (Eigen::Index k = 0; k < size; ++k) {
-      model(k, 2) = interpolate(samples.time_s, samples.position_m,
-                                t[static_cast<std::size_t>(k)] - offsets_s[static_cast<std::size_t>(j)]);
-    }
-    model.col(2).array() -= model(0, 2);
-    const Eigen::VectorXd residual = force - model * model.colPivHouseholderQr().solve(force).eval();
-    misfit[j] = residual.squaredNorm();
-    if (best.size() == 0 || misfit[j] < best.squaredNorm()) best = residual;
-  }
-  // The line is not all that the force does: what is left is correlated and counts as fewer samples.
-  const double size_d = static_cast<double>(size);
-  const double correlation = best.head(size - 1).dot(best.tail(size - 1)) / std::max(best.squaredNorm(), 1.0e-300);
-  const double inflation = (1.0 + std::clamp(correlation, 0.0, 0.98)) / (1.0 - std::clamp(correlation, 0.0, 0.98));
-  const double mean_count = std::accumulate(count.begin(), count.end(), 0.0) / size_d;
-  const double variance = std::max({best.squaredNorm() / (size_d - kParameters - 1.0), white_n * white_n / mean_count,
-                                    std::numeric_limits<double>::min()});
-  return misfit / (variance * inflation);
+  return means;
 }
 
-std::optional<ClockOffset> clockOffset(const Samples& samples, const std::vector<RecordStage>& stages, double white_n) {
-  std::vector<MotionEvent> events = motionEvents(stages);
-  const auto is_first_start = [](const MotionEvent& event) { return event.first_start; };
-  const bool from_stops = !std::all_of(events.begin(), events.end(), is_first_start);
-  if (from_stops) events.erase(std::remove_if(events.begin(), events.end(), is_first_start), events.end());
-  if (events.empty()) return std::nullopt;
-  constexpr int kStepsEachWay = 75;
+/// Log-likelihood of each offset from the force around one event, up to a constant.
+///
+/// The force is taken for a straight line over time plus what motion does, moved by the offset: way (shearing and
+/// lifting more ice: the slope steps with the speed), speed (drag and rate: a step) and acceleration (the mass that
+/// hangs on the hoist: a pulse, the sharpest mark of all). That is the cross-correlation of the force's slope with the
+/// motion, written as a generalised least-squares fit so that it has an uncertainty: noise is white plus exponentially
+/// correlated, of unknown size and share, over which the likelihood is averaged.
+Eigen::ArrayXd offsetLogLikelihood(const Samples& samples, const Interval& window,
+                                   const std::vector<double>& offsets_s) {
+  const ForceMeans means = forceMeans(samples, window);
+  const Eigen::Index size = static_cast<Eigen::Index>(means.time_s.size());
+  const Eigen::Index offset_count = static_cast<Eigen::Index>(offsets_s.size());
+  constexpr Eigen::Index kParameters = 5;
+  if (size < 3 * kParameters) return Eigen::ArrayXd::Zero(offset_count);
+  Eigen::MatrixXd force(size, 1);
+  for (Eigen::Index k = 0; k < size; ++k) force(k, 0) = means.force_n[static_cast<std::size_t>(k)];
+  force.array() -= force.mean();
+
+  const double half_s = std::max(0.05, samples.interval_s);  // for the slope of the speed
+  std::vector<Eigen::MatrixXd> models;
+  for (const double offset_s : offsets_s) {
+    Eigen::MatrixXd& model = models.emplace_back(size, kParameters);
+    for (Eigen::Index k = 0; k < size; ++k) {
+      const double t = means.time_s[static_cast<std::size_t>(k)];
+      const auto speed = [&](double at) { return interpolate(samples.time_s, samples.speed_mps, at - offset_s); };
+      model.row(k) << 1.0, t - window.start_s, interpolate(samples.time_s, samples.position_m, t - offset_s), speed(t),
+          (speed(t + half_s) - speed(t - half_s)) / (2.0 * half_s);
+    }
+    model.col(2).array() -= model.col(2).mean();
+  }
+
+  const std::pair<double, double> noises[] = {// correlation time, s, and white share of the variance
+                                              {1.0, 1.0},
+                                              {0.2, 0.3},
+                                              {0.2, 0.02},
+                                              {1.0, 0.3},
+                                              {1.0, 0.02}};
+  Eigen::ArrayXXd log_likelihood(offset_count, std::size(noises));
+  for (std::size_t n = 0; n < std::size(noises); ++n) {
+    const auto [time_s, white] = noises[n];
+    Eigen::MatrixXd covariance = Eigen::MatrixXd::Identity(size, size);
+    for (Eigen::Index k = 0; k < size; ++k) {
+      for (Eigen::Index l = 0; l < k; ++l) {
+        const double apart_s = means.time_s[static_cast<std::size_t>(k)] - means.time_s[static_cast<std::size_t>(l)];
+        covariance(k, l) = covariance(l, k) = (1.0 - white) * std::exp(-apart_s / time_s);
+      }
+    }
+    const Eigen::LLT<Eigen::MatrixXd> factor(covariance);
+    const auto root = factor.matrixL();
+    const double log_determinant = 2.0 * Eigen::MatrixXd(root).diagonal().array().log().sum();
+    const Eigen::VectorXd white_force = root.solve(force);
+    for (Eigen::Index j = 0; j < offset_count; ++j) {
+      const Eigen::MatrixXd model = root.solve(models[static_cast<std::size_t>(j)]);
+      const Eigen::VectorXd residual = white_force - model * model.colPivHouseholderQr().solve(white_force).eval();
+      // The size of the noise integrated out.
+      log_likelihood(j, static_cast<Eigen::Index>(n)) =
+          -0.5 * static_cast<double>(size - kParameters) *
+              std::log(std::max(residual.squaredNorm(), std::numeric_limits<double>::min())) -
+          0.5 * log_determinant;
+    }
+  }
+  const double most = log_likelihood.maxCoeff();
+  return (log_likelihood - most).exp().rowwise().sum().log();
+}
+
+/// The offset with its posterior mean and standard deviation, even odds within ±1.5 s before the events are looked at.
+/// Where the events contradict each other, their scatter (jackknife) tells more than the posterior.
+ClockOffset clockOffset(const Samples& samples, const std::vector<MotionEvent>& events) {
+  constexpr int kStepsEachWay = 60;
+  const Eigen::Index event_count = static_cast<Eigen::Index>(events.size());
   std::vector<double> offsets_s;
   for (int k = -kStepsEachWay; k <= kStepsEachWay; ++k) offsets_s.push_back(kMaxOffsetS * k / kStepsEachWay);
-  Eigen::VectorXd misfit = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(offsets_s.size()));
-  for (const MotionEvent& event : events) misfit += offsetMisfit(samples, event.window, offsets_s, white_n);
-  const Eigen::ArrayXd weight = (-0.5 * (misfit.array() - misfit.minCoeff())).exp();
   const Eigen::Map<const Eigen::ArrayXd> offset(offsets_s.data(), static_cast<Eigen::Index>(offsets_s.size()));
+  Eigen::ArrayXXd log_likelihood(offset.size(), event_count);
+  for (Eigen::Index k = 0; k < event_count; ++k) {
+    log_likelihood.col(k) = offsetLogLikelihood(samples, events[static_cast<std::size_t>(k)].window, offsets_s);
+  }
+  const auto weightOf = [](const Eigen::ArrayXd& sum) { return (sum - sum.maxCoeff()).exp().eval(); };
+  const Eigen::ArrayXd all = log_likelihood.rowwise().sum();
+  const Eigen::ArrayXd weight = weightOf(all);
   ClockOffset clock;
-  clock.from_stops = from_stops;
   clock.offset_s = (weight * offset).sum() / weight.sum();
-  // The grid itself is no finer than this.
-  const double step_s = kMaxOffsetS / kStepsEachWay;
-  clock.sigma_s =
-      std::sqrt((weight * (offset - clock.offset_s).square()).sum() / weight.sum() + step_s * step_s / 12.0);
+  double variance = (weight * (offset - clock.offset_s).square()).sum() / weight.sum();
+  if (event_count > 1) {
+    Eigen::ArrayXd without(event_count);
+    for (Eigen::Index k = 0; k < event_count; ++k) {
+      const Eigen::ArrayXd others = weightOf(all - log_likelihood.col(k));
+      without[k] = (others * offset).sum() / others.sum();
+    }
+    const double count = static_cast<double>(event_count);
+    variance = std::max(variance, (count - 1.0) / count * (without - without.mean()).square().sum());
+  }
+  clock.sigma_s = std::hypot(std::sqrt(variance), kOffsetModelSigmaS);
   return clock;
+}
+
+/// From all stops and later starts; where they tell nothing and the lift does not halt, from its first start.
+std::optional<ClockOffset> bestClockOffset(const Samples& samples, const std::vector<RecordStage>& stages,
+                                           bool has_stops) {
+  std::vector<MotionEvent> first_start;
+  std::vector<MotionEvent> others;
+  for (const MotionEvent& event : motionEvents(stages)) (event.first_start ? first_start : others).push_back(event);
+  std::optional<ClockOffset> clock;
+  if (!others.empty()) {
+    clock = clockOffset(samples, others);
+    clock->from_stops = true;
+  }
+  if (clock && (has_stops || clock->sigma_s <= kMaxOffsetSigmaS)) return clock;
+  return first_start.empty() ? clock : clockOffset(samples, first_start);
 }
 
 Findings checkClock(const std::optional<ClockOffset>& clock, bool has_stops) {
@@ -850,12 +922,16 @@ RecordReport checkRecord(const Record& record) {
         fitLine(samples.time_s, samples.force_n, samples.at(quiet->start_s), samples.at(quiet->end_s)).sigma;
   }
   const double sigma_n = std::fmax(report.noise_sigma_n, white_n);
-  add(checkRise(riseOf(samples, mean_n, *lift, quiet), iceWeight(record.scenario), sigma_n));
+  const double rise_n = riseOf(samples, mean_n, *lift, quiet);
+  const double ice_weight_n = iceWeight(record.scenario);
+  const Findings rise = checkRise(rise_n, ice_weight_n, sigma_n);
+  add(rise);
   add(checkSaturation(samples, *lift, report.resolution_n, white_n));
-  add(checkResolution(report.resolution_n, std::abs(report.peak_force_n)));
+  // Without ice, or in another unit, there is no curve to resolve.
+  if (rise.empty()) add(checkResolution(report.resolution_n, rise_n));
   add(checkQuiet(quiet));
   report.has_stops = std::count_if(report.stages.begin(), report.stages.end(), isLift) > 1;
-  report.clock = clockOffset(samples, report.stages, white_n);
+  report.clock = bestClockOffset(samples, report.stages, report.has_stops);
   add(checkClock(report.clock, report.has_stops));
   return finish();
 }

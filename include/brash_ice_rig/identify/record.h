@@ -61,7 +61,8 @@ Record readRecord(const std::string& path);
 /// .csv), a YAML file with a key that only manifests have, or a name that becomes one of these with its ending.
 bool isRecord(const std::string& path);
 
-/// Least-squares slope of y over t in a window of ±0.25 s around each sample, wide enough for 3 samples at least. NaN
+/// Least-squares slope of y over t in a window of ±0.1 s around each sample, wide enough for 3 samples at least: as
+/// long as the ramps of a hoist, so that its starts and stops stay where they are. NaN
 /// where the window has no two different times. Samples that are not finite do not count.
 /// @param time_s  not decreasing where it is finite
 std::vector<double> computeSmoothSlope(const std::vector<double>& time_s, const std::vector<double>& y);

@@ -1,7 +1,5 @@
 #include "brash_ice_rig/identify/record_check.h"
 
-#include <Eigen/Dense>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -41,7 +39,7 @@ constexpr double kMaxHoistMps = 1.0;
 /// Integrated speed over the change of position: beyond these one of the two has a wrong unit or scale.
 constexpr double kMinSpeedRatio = 0.8;
 constexpr double kMaxSpeedRatio = 1.25;
-/// Rise of the force in weights of the ice above the collector (0.7 in the simulation, 0.4 in the paper's test). The
+/// Rise of the force in weights of the ice above the collector (0.7 in the simulation B-1). The
 /// pole that leaves the water gives 0.005 without any ice; what was recorded in kN or t stays below 0.002, in kgf it is
 /// 0.02 to 0.1, and in gf or mN above 20.
 constexpr double kMaxKilonewtonRise = 0.002;
@@ -65,8 +63,7 @@ constexpr double kMaxFlatShare = 0.3;  ///< of the lift
 constexpr double kMaxResolutionRatio = 0.02;
 /// Twenty bins give the noise to within 16 %.
 constexpr double kMinQuietS = 5.0;
-/// Clock offsets: searched within, and in windows around each start and stop.
-constexpr double kMaxOffsetS = 1.5;
+/// Clock offsets are looked for in windows around each start and stop.
 constexpr double kEventWindowS = 2.0;
 constexpr double kMinEventSideS = 0.75;
 /// Above, a stop would show as a false effect of several per cent of the peak.
@@ -74,8 +71,6 @@ constexpr double kMaxOffsetSigmaS = 0.25;
 /// An offset below this moves a force that rises by 10 % of the peak a second by 1 %.
 constexpr double kMinOffsetS = 0.1;
 constexpr double kOffsetSigmas = 3.0;
-/// What the model of the force around a stop leaves open: ice relaxes, ropes swing.
-constexpr double kOffsetModelSigmaS = 0.05;
 
 /// The rows that can be worked with.
 struct Samples {
@@ -323,14 +318,7 @@ Findings checkRate(const Samples& samples) {
                    : "level and slow changes can be compared; break-out, drops and stops are smeared"}};
 }
 
-struct Interval {
-  double start_s = 0.0, end_s = 0.0;
-  double overlap(double from_s, double to_s) const {
-    return std::max(0.0, std::min(end_s, to_s) - std::max(start_s, from_s));
-  }
-};
-
-Findings checkGaps(const Samples& samples, const Interval& lift) {
+Findings checkGaps(const Samples& samples, const TimeSpan& lift) {
   const double limit_s = std::max(kMinGapS, kMinGapIntervals * samples.interval_s);
   std::size_t count = 0;
   std::size_t largest = 0;
@@ -340,7 +328,7 @@ Findings checkGaps(const Samples& samples, const Interval& lift) {
     const double gap_s = samples.time_s[i] - samples.time_s[i - 1];
     if (gap_s <= limit_s) continue;
     ++count;
-    in_lift_s += lift.overlap(samples.time_s[i - 1], samples.time_s[i]);
+    in_lift_s += std::max(0.0, std::min(lift.end_s, samples.time_s[i]) - std::max(lift.start_s, samples.time_s[i - 1]));
     if (gap_s <= largest_s) continue;
     largest_s = gap_s;
     largest = i;
@@ -405,24 +393,24 @@ bool isLift(const RecordStage& stage) {
 }
 
 /// From the start of the first to the end of the last lifting.
-std::optional<Interval> liftOf(const std::vector<RecordStage>& stages) {
+std::optional<TimeSpan> liftOf(const std::vector<RecordStage>& stages) {
   const auto first = std::find_if(stages.begin(), stages.end(), isLift);
   if (first == stages.end()) return std::nullopt;
-  return Interval{first->start_s, std::find_if(stages.rbegin(), stages.rend(), isLift)->end_s};
+  return TimeSpan{first->start_s, std::find_if(stages.rbegin(), stages.rend(), isLift)->end_s};
 }
 
 /// The longest rest before the first lift.
-std::optional<Interval> quietOf(const std::vector<RecordStage>& stages) {
-  std::optional<Interval> quiet;
+std::optional<TimeSpan> quietOf(const std::vector<RecordStage>& stages) {
+  std::optional<TimeSpan> quiet;
   for (const RecordStage& stage : stages) {
     if (stage.kind != RecordStageKind::kQuiet) continue;
     if (quiet && stage.end_s - stage.start_s <= quiet->end_s - quiet->start_s) continue;
-    quiet = Interval{stage.start_s, stage.end_s};
+    quiet = TimeSpan{stage.start_s, stage.end_s};
   }
   return quiet;
 }
 
-double liftLength(const Samples& samples, const Interval& lift) {
+double liftLength(const Samples& samples, const TimeSpan& lift) {
   const auto first = samples.position_m.begin() + static_cast<std::ptrdiff_t>(samples.at(lift.start_s));
   return first == samples.position_m.end() ? 0.0 : *std::max_element(first, samples.position_m.end()) - *first;
 }
@@ -504,8 +492,8 @@ Findings checkConstantForce(const Samples& samples) {
 }
 
 /// What the lift does to the force: the 1 s mean farthest from that of the empty rig.
-double riseOf(const Samples& samples, const std::vector<double>& mean_n, const Interval& lift,
-              const std::optional<Interval>& quiet) {
+double riseOf(const Samples& samples, const std::vector<double>& mean_n, const TimeSpan& lift,
+              const std::optional<TimeSpan>& quiet) {
   double rest_n = 0.0;
   if (quiet) {
     const std::size_t first = samples.at(quiet->start_s);
@@ -558,7 +546,7 @@ Findings checkRise(double rise_n, double ice_weight_n, double sigma_n) {
   return findings;
 }
 
-Findings checkSaturation(const Samples& samples, const Interval& lift, double resolution_n, double white_n) {
+Findings checkSaturation(const Samples& samples, const TimeSpan& lift, double resolution_n, double white_n) {
   const std::vector<double>& reading_n = samples.reading_n;
   const double most = *std::max_element(reading_n.begin(), reading_n.end());
   std::size_t first = 0;
@@ -609,7 +597,7 @@ Findings checkResolution(double resolution_n, double rise_n) {
            "only effects that are several steps large can be told; use a smaller range or a finer converter"}};
 }
 
-Findings checkQuiet(const std::optional<Interval>& quiet) {
+Findings checkQuiet(const std::optional<TimeSpan>& quiet) {
   const double quiet_s = quiet ? quiet->end_s - quiet->start_s : 0.0;
   // A tenth: the start of the lift is known no better.
   if (quiet_s > 0.9 * kMinQuietS) return {};
@@ -621,14 +609,14 @@ Findings checkQuiet(const std::optional<Interval>& quiet) {
 
 // ---- clock
 
-/// Where the hoist starts or stops, with the window to look at.
-struct MotionEvent {
-  Interval window;
-  bool first_start = false;
+/// Where the hoist starts or stops: the windows to look at.
+struct MotionEvents {
+  std::vector<TimeSpan> first_start;  ///< one or none
+  std::vector<TimeSpan> others;
 };
 
-std::vector<MotionEvent> motionEvents(const std::vector<RecordStage>& stages) {
-  std::vector<MotionEvent> events;
+MotionEvents motionEvents(const std::vector<RecordStage>& stages) {
+  MotionEvents events;
   bool started = false;
   for (std::size_t k = 0; k < stages.size(); ++k) {
     const bool is_start = isLift(stages[k]) && !started;
@@ -644,160 +632,26 @@ std::vector<MotionEvent> motionEvents(const std::vector<RecordStage>& stages) {
         right.end_s - right.start_s < kMinEventSideS) {
       continue;
     }
-    events.push_back(
-        {{std::max(left.start_s, right.start_s - kEventWindowS), std::min(right.end_s, right.start_s + kEventWindowS)},
-         is_start});
+    (is_start ? events.first_start : events.others)
+        .push_back({std::max(left.start_s, right.start_s - kEventWindowS),
+                    std::min(right.end_s, right.start_s + kEventWindowS)});
   }
   return events;
 }
 
-double interpolate(const std::vector<double>& t, const std::vector<double>& y, double at) {
-  const auto right = std::lower_bound(t.begin(), t.end(), at);
-  if (right == t.begin()) return y.front();
-  if (right == t.end()) return y.back();
-  const std::size_t k = static_cast<std::size_t>(right - t.begin());
-  return y[k - 1] + (at - t[k - 1]) / (t[k] - t[k - 1]) * (y[k] - y[k - 1]);
-}
-
-/// Means of the force over 0.05 s: more samples would not make the timing better, only the work longer.
-struct ForceMeans {
-  std::vector<double> time_s, force_n;
-};
-
-ForceMeans forceMeans(const Samples& samples, const Interval& window) {
-  constexpr double kMeanS = 0.05;
-  ForceMeans means;
-  std::vector<double> counts;
-  const std::size_t last = samples.at(window.end_s);
-  double start_s = 0.0;
-  for (std::size_t i = samples.at(window.start_s); i < last; ++i) {
-    // A thousandth: times are rounded.
-    if (counts.empty() || samples.time_s[i] - start_s > 0.999 * kMeanS) {
-      start_s = samples.time_s[i];
-      means.time_s.push_back(0.0);
-      means.force_n.push_back(0.0);
-      counts.push_back(0.0);
-    }
-    means.time_s.back() += samples.time_s[i];
-    means.force_n.back() += samples.force_n[i];
-    counts.back() += 1.0;
-  }
-  for (std::size_t k = 0; k < counts.size(); ++k) {
-    means.time_s[k] /= counts[k];
-    means.force_n[k] /= counts[k];
-  }
-  return means;
-}
-
-/// Log-likelihood of each offset from the force around one event, up to a constant.
-///
-/// The force is taken for a straight line over time plus what motion does, moved by the offset: way (shearing and
-/// lifting more ice: the slope steps with the speed), speed (drag and rate: a step) and acceleration (the mass that
-/// hangs on the hoist: a pulse, the sharpest mark of all). That is the cross-correlation of the force's slope with the
-/// motion, written as a generalised least-squares fit so that it has an uncertainty: noise is white plus exponentially
-/// correlated, of unknown size and share, over which the likelihood is averaged.
-Eigen::ArrayXd offsetLogLikelihood(const Samples& samples, const Interval& window,
-                                   const std::vector<double>& offsets_s) {
-  const ForceMeans means = forceMeans(samples, window);
-  const Eigen::Index size = static_cast<Eigen::Index>(means.time_s.size());
-  const Eigen::Index offset_count = static_cast<Eigen::Index>(offsets_s.size());
-  constexpr Eigen::Index kParameters = 5;
-  if (size < 3 * kParameters) return Eigen::ArrayXd::Zero(offset_count);
-  Eigen::MatrixXd force(size, 1);
-  for (Eigen::Index k = 0; k < size; ++k) force(k, 0) = means.force_n[static_cast<std::size_t>(k)];
-  force.array() -= force.mean();
-
-  const double half_s = std::max(0.05, samples.interval_s);  // for the slope of the speed
-  std::vector<Eigen::MatrixXd> models;
-  for (const double offset_s : offsets_s) {
-    Eigen::MatrixXd& model = models.emplace_back(size, kParameters);
-    for (Eigen::Index k = 0; k < size; ++k) {
-      const double t = means.time_s[static_cast<std::size_t>(k)];
-      const auto speed = [&](double at) { return interpolate(samples.time_s, samples.speed_mps, at - offset_s); };
-      model.row(k) << 1.0, t - window.start_s, interpolate(samples.time_s, samples.position_m, t - offset_s), speed(t),
-          (speed(t + half_s) - speed(t - half_s)) / (2.0 * half_s);
-    }
-    model.col(2).array() -= model.col(2).mean();
-  }
-
-  const std::pair<double, double> noises[] = {// correlation time, s, and white share of the variance
-                                              {1.0, 1.0},
-                                              {0.2, 0.3},
-                                              {0.2, 0.02},
-                                              {1.0, 0.3},
-                                              {1.0, 0.02}};
-  Eigen::ArrayXXd log_likelihood(offset_count, std::size(noises));
-  for (std::size_t n = 0; n < std::size(noises); ++n) {
-    const auto [time_s, white] = noises[n];
-    Eigen::MatrixXd covariance = Eigen::MatrixXd::Identity(size, size);
-    for (Eigen::Index k = 0; k < size; ++k) {
-      for (Eigen::Index l = 0; l < k; ++l) {
-        const double apart_s = means.time_s[static_cast<std::size_t>(k)] - means.time_s[static_cast<std::size_t>(l)];
-        covariance(k, l) = covariance(l, k) = (1.0 - white) * std::exp(-apart_s / time_s);
-      }
-    }
-    const Eigen::LLT<Eigen::MatrixXd> factor(covariance);
-    const auto root = factor.matrixL();
-    const double log_determinant = 2.0 * Eigen::MatrixXd(root).diagonal().array().log().sum();
-    const Eigen::VectorXd white_force = root.solve(force);
-    for (Eigen::Index j = 0; j < offset_count; ++j) {
-      const Eigen::MatrixXd model = root.solve(models[static_cast<std::size_t>(j)]);
-      const Eigen::VectorXd residual = white_force - model * model.colPivHouseholderQr().solve(white_force).eval();
-      // The size of the noise integrated out.
-      log_likelihood(j, static_cast<Eigen::Index>(n)) =
-          -0.5 * static_cast<double>(size - kParameters) *
-              std::log(std::max(residual.squaredNorm(), std::numeric_limits<double>::min())) -
-          0.5 * log_determinant;
-    }
-  }
-  const double most = log_likelihood.maxCoeff();
-  return (log_likelihood - most).exp().rowwise().sum().log();
-}
-
-/// The offset with its posterior mean and standard deviation, even odds within ±1.5 s before the events are looked at.
-/// Where the events contradict each other, their scatter (jackknife) tells more than the posterior.
-ClockOffset clockOffset(const Samples& samples, const std::vector<MotionEvent>& events) {
-  constexpr int kStepsEachWay = 60;
-  const Eigen::Index event_count = static_cast<Eigen::Index>(events.size());
-  std::vector<double> offsets_s;
-  for (int k = -kStepsEachWay; k <= kStepsEachWay; ++k) offsets_s.push_back(kMaxOffsetS * k / kStepsEachWay);
-  const Eigen::Map<const Eigen::ArrayXd> offset(offsets_s.data(), static_cast<Eigen::Index>(offsets_s.size()));
-  Eigen::ArrayXXd log_likelihood(offset.size(), event_count);
-  for (Eigen::Index k = 0; k < event_count; ++k) {
-    log_likelihood.col(k) = offsetLogLikelihood(samples, events[static_cast<std::size_t>(k)].window, offsets_s);
-  }
-  const auto weightOf = [](const Eigen::ArrayXd& sum) { return (sum - sum.maxCoeff()).exp().eval(); };
-  const Eigen::ArrayXd all = log_likelihood.rowwise().sum();
-  const Eigen::ArrayXd weight = weightOf(all);
-  ClockOffset clock;
-  clock.offset_s = (weight * offset).sum() / weight.sum();
-  double variance = (weight * (offset - clock.offset_s).square()).sum() / weight.sum();
-  if (event_count > 1) {
-    Eigen::ArrayXd without(event_count);
-    for (Eigen::Index k = 0; k < event_count; ++k) {
-      const Eigen::ArrayXd others = weightOf(all - log_likelihood.col(k));
-      without[k] = (others * offset).sum() / others.sum();
-    }
-    const double count = static_cast<double>(event_count);
-    variance = std::max(variance, (count - 1.0) / count * (without - without.mean()).square().sum());
-  }
-  clock.sigma_s = std::hypot(std::sqrt(variance), kOffsetModelSigmaS);
-  return clock;
-}
-
 /// From all stops and later starts; where they tell nothing and the lift does not halt, from its first start.
-std::optional<ClockOffset> bestClockOffset(const Samples& samples, const std::vector<RecordStage>& stages,
-                                           bool has_stops) {
-  std::vector<MotionEvent> first_start;
-  std::vector<MotionEvent> others;
-  for (const MotionEvent& event : motionEvents(stages)) (event.first_start ? first_start : others).push_back(event);
+std::optional<ClockOffset> clockOffset(const Samples& samples, const std::vector<RecordStage>& stages, bool has_stops) {
+  const MotionEvents events = motionEvents(stages);
+  const auto offset = [&](const std::vector<TimeSpan>& windows) {
+    return computeClockOffset(samples.time_s, samples.force_n, samples.position_m, samples.speed_mps, windows);
+  };
   std::optional<ClockOffset> clock;
-  if (!others.empty()) {
-    clock = clockOffset(samples, others);
+  if (!events.others.empty()) {
+    clock = offset(events.others);
     clock->from_stops = true;
   }
   if (clock && (has_stops || clock->sigma_s <= kMaxOffsetSigmaS)) return clock;
-  return first_start.empty() ? clock : clockOffset(samples, first_start);
+  return events.first_start.empty() ? clock : offset(events.first_start);
 }
 
 Findings checkClock(const std::optional<ClockOffset>& clock, bool has_stops) {
@@ -894,8 +748,8 @@ RecordReport checkRecord(const Record& record) {
   const auto peak = std::max_element(mean_n.begin(), mean_n.end());
   report.peak_force_n = *peak;
   report.peak_time_s = samples.time_s[static_cast<std::size_t>(peak - mean_n.begin())];
-  const std::optional<Interval> lift = liftOf(report.stages);
-  const std::optional<Interval> quiet = quietOf(report.stages);
+  const std::optional<TimeSpan> lift = liftOf(report.stages);
+  const std::optional<TimeSpan> quiet = quietOf(report.stages);
   if (lift) report.lift_m = liftLength(samples, *lift);
 
   const auto [lowest, highest] = std::minmax_element(samples.position_m.begin(), samples.position_m.end());
@@ -913,7 +767,7 @@ RecordReport checkRecord(const Record& record) {
   add(checkRate(samples));
   add(checkSpeedAgrees(samples, travel_m));
   add(checkLift(report.lift_m, whole_m));
-  add(checkGaps(samples, lift.value_or(Interval{samples.time_s.front(), samples.time_s.back()})));
+  add(checkGaps(samples, lift.value_or(TimeSpan{samples.time_s.front(), samples.time_s.back()})));
   if (!constant.empty() || !lift || report.lift_m < kMinLiftM) return finish();
 
   const double white_n = whiteNoise(samples.reading_n);
@@ -931,7 +785,7 @@ RecordReport checkRecord(const Record& record) {
   if (rise.empty()) add(checkResolution(report.resolution_n, rise_n));
   add(checkQuiet(quiet));
   report.has_stops = std::count_if(report.stages.begin(), report.stages.end(), isLift) > 1;
-  report.clock = bestClockOffset(samples, report.stages, report.has_stops);
+  report.clock = clockOffset(samples, report.stages, report.has_stops);
   add(checkClock(report.clock, report.has_stops));
   return finish();
 }

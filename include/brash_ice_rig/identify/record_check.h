@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "brash_ice_rig/identify/clock_offset.h"
 #include "brash_ice_rig/identify/record.h"
 
 namespace brash_ice_rig {
@@ -31,13 +32,6 @@ enum class RecordStageKind { kQuiet, kLowering, kLifting, kHolding };
 struct RecordStage {
   RecordStageKind kind = RecordStageKind::kQuiet;
   double start_s = 0.0, end_s = 0.0;
-};
-
-/// By how much the force comes after the motion that causes it.
-struct ClockOffset {
-  double offset_s = 0.0;    ///< > 0: the force is late. A lag of the load cell looks the same
-  double sigma_s = 0.0;     ///< standard deviation; 0.9 where the record tells nothing
-  bool from_stops = false;  ///< false: from the first start only, where water under the ice looks the same as an offset
 };
 
 enum class Usability { kYes, kWithLimits, kNo };

@@ -147,7 +147,7 @@ class RigAndIce {
       if (std::any_of(record_.ice.begin(), record_.ice.end(), same)) continue;
       missing += (missing.empty() ? "" : ", ") + std::string(key) + " = " + formatNumber(value);
     }
-    if (!missing.empty()) assume("not known of the ice: " + missing + " assumed");
+    if (!missing.empty()) assume("not given under `ice`: " + missing + " assumed");
   }
 
  private:

@@ -72,6 +72,15 @@ constexpr double kMaxOffsetSigmaS = 0.25;
 constexpr double kMinOffsetS = 0.1;
 constexpr double kOffsetSigmas = 3.0;
 
+/// Numbers beyond this are garbage, and their sums and squares would overflow. A clock that counts ns since 1970 is
+/// below.
+constexpr double kLargestNumber = 1.0e19;
+
+/// Finite, and small enough to be reckoned with.
+bool isUsable(double value) {
+  return std::abs(value) <= kLargestNumber;
+}
+
 /// The rows that can be worked with.
 struct Samples {
   std::vector<std::size_t> row;
@@ -94,9 +103,23 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
+/// Rounded to some digits; without an exponent where people would not write one.
 std::string number(double value, int digits = 3) {
   char text[32];
-  std::snprintf(text, sizeof text, "%.*g", digits, value);
+  const double magnitude = std::abs(value);
+  if (magnitude < 1.0e-3 || !(magnitude < 1.0e9)) {
+    std::snprintf(text, sizeof text, "%.*g", digits, value);
+    return text;
+  }
+  const double step = std::pow(10.0, std::floor(std::log10(magnitude)) + 1.0 - digits);
+  std::snprintf(text, sizeof text, "%.10g", step * std::round(value / step));
+  return text;
+}
+
+/// To a hundredth, as offsets of clocks deserve.
+std::string seconds(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.2f", value);
   return text;
 }
 
@@ -152,7 +175,7 @@ std::vector<std::size_t> rowsInOrder(const std::vector<double>& time_s) {
   std::vector<std::size_t> ends;  // of the best sequence of each length
   std::vector<std::size_t> before(time_s.size());
   for (std::size_t i = 0; i < time_s.size(); ++i) {
-    if (!std::isfinite(time_s[i])) continue;
+    if (!isUsable(time_s[i])) continue;
     const auto place = std::lower_bound(ends.begin(), ends.end(), time_s[i],
                                         [&](std::size_t row, double time) { return time_s[row] < time; });
     before[i] = place == ends.begin() ? i : *(place - 1);
@@ -170,9 +193,9 @@ std::vector<std::size_t> rowsInOrder(const std::vector<double>& time_s) {
 Samples samplesOf(const Record& record, const std::vector<std::size_t>& in_order) {
   Samples samples;
   for (const std::size_t row : in_order) {
-    const bool finite = std::isfinite(record.force_n[row]) && std::isfinite(record.hoist_position_m[row]) &&
-                        std::isfinite(record.hoist_speed_mps[row]);
-    if (!finite) continue;
+    const bool usable = isUsable(record.force_n[row]) && isUsable(record.hoist_position_m[row]) &&
+                        isUsable(record.hoist_speed_mps[row]);
+    if (!usable) continue;
     samples.row.push_back(row);
     samples.time_s.push_back(record.time_s[row]);
     samples.reading_n.push_back(record.force_n[row]);
@@ -197,7 +220,7 @@ Findings checkTime(const Record& record, const std::vector<std::size_t>& in_orde
   double latest = -std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < record.size(); ++i) {
     const double time = record.time_s[i];
-    if (!std::isfinite(time)) {
+    if (!isUsable(time)) {
       ++missing;
       if (!first_missing) first_missing = i;
       continue;
@@ -237,10 +260,9 @@ Findings checkTime(const Record& record, const std::vector<std::size_t>& in_orde
 Findings checkReadings(const Record& record) {
   Findings findings;
   const auto look = [&](const std::vector<double>& values, const std::string& code, const std::string& what) {
-    const auto not_finite = [](double value) { return !std::isfinite(value); };
-    const auto first = std::find_if(values.begin(), values.end(), not_finite);
+    const auto first = std::find_if_not(values.begin(), values.end(), isUsable);
     if (first == values.end()) return;
-    const auto missing = std::count_if(first, values.end(), not_finite);
+    const auto missing = values.end() - first - std::count_if(first, values.end(), isUsable);
     const double share = static_cast<double>(missing) / static_cast<double>(values.size());
     const bool refused = share > kMaxMissingShare;
     findings.push_back({refused ? Severity::kRefuse : Severity::kDegraded, code,
@@ -350,11 +372,14 @@ std::vector<RecordStage> stagesOf(const Samples& samples) {
   constexpr double kMinStageS = 0.5;
   constexpr double kMovingShare = 0.25;  // of the hoist's usual speed
   const std::vector<double> speed_mps = runningMean(samples.time_s, samples.speed_mps, kSmoothS);
-  std::vector<double> magnitudes;
-  for (const double speed : speed_mps) magnitudes.push_back(std::abs(speed));
-  std::sort(magnitudes.begin(), magnitudes.end());
-  const double threshold =
-      kMovingShare * magnitudes[static_cast<std::size_t>(0.95 * static_cast<double>(magnitudes.size()))];
+  // The hoist's usual speed is that of most of the way, not of most of the time.
+  double way = 0.0;
+  double weighted = 0.0;
+  for (const double speed : speed_mps) {
+    way += std::abs(speed);
+    weighted += speed * speed;
+  }
+  const double threshold = way > 0.0 ? kMovingShare * weighted / way : 0.0;
   const auto kindOf = [&](double speed) {
     if (threshold == 0.0 || std::abs(speed) < threshold) return RecordStageKind::kHolding;
     return speed > 0.0 ? RecordStageKind::kLifting : RecordStageKind::kLowering;
@@ -491,55 +516,62 @@ Findings checkConstantForce(const Samples& samples) {
            "nothing; the load cell was not connected, or the wrong channel was written"}};
 }
 
-/// What the lift does to the force: the 1 s mean farthest from that of the empty rig.
-double riseOf(const Samples& samples, const std::vector<double>& mean_n, const TimeSpan& lift,
-              const std::optional<TimeSpan>& quiet) {
+/// What the lift does to the force.
+struct Rise {
+  double force_n = 0.0;
+  std::size_t row = 0;  ///< where
+};
+
+/// The 1 s mean farthest from that of the empty rig.
+Rise riseOf(const Samples& samples, const std::vector<double>& mean_n, const TimeSpan& lift,
+            const std::optional<TimeSpan>& quiet) {
   double rest_n = 0.0;
   if (quiet) {
     const std::size_t first = samples.at(quiet->start_s);
     const std::size_t last = samples.at(quiet->end_s);
     for (std::size_t i = first; i < last; ++i) rest_n += samples.force_n[i] / static_cast<double>(last - first);
   }
-  double rise_n = 0.0;
+  Rise rise;
   for (std::size_t i = samples.at(lift.start_s); i < samples.size(); ++i) {
-    if (std::abs(mean_n[i] - rest_n) > std::abs(rise_n)) rise_n = mean_n[i] - rest_n;
+    if (std::abs(mean_n[i] - rest_n) > std::abs(rise.force_n)) rise = {mean_n[i] - rest_n, samples.row[i]};
   }
-  return rise_n;
+  return rise;
 }
 
 /// Sign, unit and ice contact hang together: all are read from how far the force goes.
 /// @param ice_weight_n  of the ice above the collector
-Findings checkRise(double rise_n, double ice_weight_n, double sigma_n) {
+Findings checkRise(const Rise& rise, double ice_weight_n, double sigma_n) {
+  const double rise_n = rise.force_n;
   const double ratio = std::abs(rise_n) / ice_weight_n;
   const bool is_curve = std::abs(rise_n) > kCurveSigmas * sigma_n;
   const std::string far =
       number(std::abs(rise_n)) + " N, where the ice above the collector weighs " + number(ice_weight_n) + " N";
   Findings findings;
   if (rise_n < 0.0 && std::abs(rise_n) > kClearSigmas * sigma_n && (ratio > kMinContactRise || is_curve)) {
-    findings.push_back({Severity::kRefuse, "sign", std::nullopt,
+    findings.push_back({Severity::kRefuse, "sign", rise.row,
                         "the force falls by " + number(-rise_n) +
                             " N during the lift; it must be > 0 when the rig pulls "
                             "down on the crane",
                         "change the sign of force_n, and of tare_n with it"});
   }
   if (ratio > kMaxRise) {
-    findings.push_back({Severity::kRefuse, "force_unit", std::nullopt, "the force changes by " + far,
-                        "it is probably in mN or gf, or counts of a converter: give N. If the rig is far larger than "
+    findings.push_back({Severity::kRefuse, "force_unit", rise.row, "the force changes by " + far,
+                        "it is probably in mN or gf, or counts of a converter: give N; or a single reading here is "
+                        "wild: take it out. If the rig is far larger than "
                         "assumed, give `rig` and `ice`"});
   } else if (ratio < kMaxKilonewtonRise && is_curve) {
     findings.push_back(
-        {Severity::kRefuse, "force_unit", std::nullopt, "the force changes by " + far,
+        {Severity::kRefuse, "force_unit", rise.row, "the force changes by " + far,
          "it is probably in kN (multiply by 1000) or t (by 9807). If the rig is far smaller than assumed, "
          "give `rig` and `ice`"});
   } else if (ratio < kMinContactRise || std::abs(rise_n) < kClearSigmas * sigma_n) {
     findings.push_back(
-        {Severity::kDegraded, "no_contact", std::nullopt,
-         "the force never rises above that of the empty rig: by " + far,
+        {Severity::kDegraded, "no_contact", rise.row, "the force never rises above that of the empty rig: by " + far,
          "as the lift without ice of a test it tells bias, drift and noise of the load cell; of the ice it "
          "tells nothing"});
   } else if (ratio < kMinOrdinaryRise) {
     findings.push_back(
-        {Severity::kDegraded, "force_small", std::nullopt, "the force changes by " + far,
+        {Severity::kDegraded, "force_small", rise.row, "the force changes by " + far,
          "if it is in kgf or lbf, multiply by 9.807 or 4.448; if it is right, hardly any ice was lifted and "
          "little can be told"});
   }
@@ -656,7 +688,7 @@ std::optional<ClockOffset> clockOffset(const Samples& samples, const std::vector
 
 Findings checkClock(const std::optional<ClockOffset>& clock, bool has_stops) {
   if (!clock) return {};
-  const std::string estimate = number(clock->offset_s, 2) + " ± " + number(clock->sigma_s, 2) + " s";
+  const std::string estimate = seconds(clock->offset_s) + " ± " + seconds(clock->sigma_s) + " s";
   if (clock->sigma_s > kMaxOffsetSigmaS) {
     // Where the lift does not halt, an offset only shifts the curve a little, and the fit can carry it along.
     if (!has_stops) return {};
@@ -664,7 +696,7 @@ Findings checkClock(const std::optional<ClockOffset>& clock, bool has_stops) {
         {Severity::kRefuse, "clock_unknown", std::nullopt,
          "the lift has stops, but the force does not tell when: an offset between the clocks of force and motion is "
          "known to ± " +
-             number(clock->sigma_s, 2) + " s only, at most ± " + number(kMaxOffsetSigmaS) + " s is allowed",
+             seconds(clock->sigma_s) + " s only, at most ± " + number(kMaxOffsetSigmaS) + " s is allowed",
          "record force and motion with one clock, or stop where the force still rises; without the stops the lift "
          "could be used"}};
   }
@@ -776,13 +808,13 @@ RecordReport checkRecord(const Record& record) {
         fitLine(samples.time_s, samples.force_n, samples.at(quiet->start_s), samples.at(quiet->end_s)).sigma;
   }
   const double sigma_n = std::fmax(report.noise_sigma_n, white_n);
-  const double rise_n = riseOf(samples, mean_n, *lift, quiet);
+  const Rise rise = riseOf(samples, mean_n, *lift, quiet);
   const double ice_weight_n = iceWeight(record.scenario);
-  const Findings rise = checkRise(rise_n, ice_weight_n, sigma_n);
-  add(rise);
+  const Findings wrong_rise = checkRise(rise, ice_weight_n, sigma_n);
+  add(wrong_rise);
   add(checkSaturation(samples, *lift, report.resolution_n, white_n));
   // Without ice, or in another unit, there is no curve to resolve.
-  if (rise.empty()) add(checkResolution(report.resolution_n, rise_n));
+  if (wrong_rise.empty()) add(checkResolution(report.resolution_n, rise.force_n));
   add(checkQuiet(quiet));
   report.has_stops = std::count_if(report.stages.begin(), report.stages.end(), isLift) > 1;
   report.clock = clockOffset(samples, report.stages, report.has_stops);
@@ -814,7 +846,7 @@ std::string describe(const std::string& name, const Record& record, const Record
     row("lift", number(report.lift_m) + " m up, position " +
                     (record.position == PositionOrigin::kMeasured ? "measured" : "commanded"));
     if (report.clock) {
-      row("clock", "force " + number(report.clock->offset_s, 2) + " ± " + number(report.clock->sigma_s, 2) +
+      row("clock", "force " + seconds(report.clock->offset_s) + " ± " + seconds(report.clock->sigma_s) +
                        " s after the motion, from " + (report.clock->from_stops ? "stops" : "the first start only"));
     }
   }

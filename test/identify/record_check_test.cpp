@@ -116,6 +116,10 @@ TEST(GoodRecord, ComesOutCleanWithAnotherZeroWeakIceOrWithoutARestAtTheEnd) {
   RecordRecipe strong;
   strong.peak_n = 80000.0;
   expectClean(makeRecord(strong));
+  RecordRecipe long_wait;  // the lift is a fiftieth of the record
+  long_wait.rate_hz = 10.0;
+  long_wait.quiet_s = 2000.0;
+  expectClean(makeRecord(long_wait));
   RecordRecipe open_end;
   open_end.stages_s = {40.0};
   expectClean(makeRecord(open_end));

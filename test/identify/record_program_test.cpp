@@ -50,7 +50,7 @@ TEST_F(RecordProgram, ForceCurveOfARunIsAGoodRecord) {
   directory_.put("wrong.yaml", "source: synthetic\ntare_n: -2100\nrig: run/scenario.yaml\n");
   const Outcome wrong = program("check wrong.csv");
   EXPECT_EQ(wrong.exit_code, 2);
-  EXPECT_TRUE(contains(wrong.text, "refused   sign: the force falls by ")) << wrong.text;
+  EXPECT_TRUE(contains(wrong.text, "refused   sign: line ")) << wrong.text;
   EXPECT_TRUE(contains(wrong.text, "usable for identification: no")) << wrong.text;
 }
 

@@ -1,24 +1,36 @@
-#!/ usr / bin / python3
-""
-    "Tests of scripts/bag_to_record, and of `brash_ice check` on a bag (environment BRASH_ICE_PROGRAM), with bags written
-    here.PYTHONPATH must lead to the package's messages."""
+#!/usr/bin/python3
+"""Tests of scripts/bag_to_record, and of `brash_ice check` on a bag (environment BRASH_ICE_PROGRAM), with bags written
+here. PYTHONPATH must lead to the package's messages."""
 
-    import csv import os import subprocess import sys import tempfile import unittest
+import csv
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
 
-        import rosbag import rospy import yaml from brash_ice_rig.msg import CraneState,
-    ForceComponents from geometry_msgs.msg import WrenchStamped from std_msgs.msg import String
+import rosbag
+import rospy
+import yaml
+from brash_ice_rig.msg import CraneState, ForceComponents
+from geometry_msgs.msg import WrenchStamped
+from std_msgs.msg import String
 
-        SOURCE_DIR = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))) SCRIPT =
-        os.path.join(SOURCE_DIR, "scripts", "bag_to_record")
+SOURCE_DIR = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+SCRIPT = os.path.join(SOURCE_DIR, "scripts", "bag_to_record")
 
-            START_S = 101.0 #stamp of time 0 QUIET_S = 8.0 SPEED_MPS = 0.052
+START_S = 101.0  # stamp of time 0
+QUIET_S = 8.0
+SPEED_MPS = 0.052
 
-                                                                       def
-                                                                       height_m(time_s)
-    : return -1.38 + SPEED_MPS * max(0.0, time_s)
+
+def height_m(time_s):
+    return -1.38 + SPEED_MPS * max(0.0, time_s)
+
 
 def force_n(time_s):
-    return 2052.0 + 12000.0 * min(1.0, max(0.0, time_s) / 20.0) + 30.0 * ((int(round(1e3 * time_s)) * 7919 % 101) / 50.0 - 1.0)
+    noise_n = 30.0 * ((int(round(1e3 * time_s)) * 7919 % 101) / 50.0 - 1.0)
+    return 2052.0 + 12000.0 * min(1.0, max(0.0, time_s) / 20.0) + noise_n
 
 
 def state_at(time_s, stamp_s):
@@ -79,18 +91,18 @@ class BagToRecord(unittest.TestCase):
 
     def rows(self, name="test.csv"):
         with open(self.path(name), newline="", encoding="utf-8") as stream:
-            return [{
-key: float(value) for key, value in row.items()} for row in csv.DictReader(stream)]
+            return [{key: float(value) for key, value in row.items()} for row in csv.DictReader(stream)]
 
     def test_rows_are_force_and_motion_at_the_time_of_the_test(self):
         self.simulated_bag()
-        self.assertEqual([os.path.basename(path) for path in self.convert()], ["test.csv", "test.yaml", "test_rig.yaml"])
+        names = [os.path.basename(path) for path in self.convert()]
+        self.assertEqual(names, ["test.csv", "test.yaml", "test_rig.yaml"])
         rows = self.rows()
         self.assertEqual(len(rows), 20 * 48 + 1)
         for row in rows:
             time_s = row["time_s"]
             self.assertAlmostEqual(row["force_n"], force_n(round(20 * time_s) / 20), delta=1e-3)
-#A straight line between 10 Hz messages cuts the corner at the start by 1.3 mm.
+            # A straight line between 10 Hz messages cuts the corner at the start by 1.3 mm.
             self.assertAlmostEqual(row["hoist_position_m"], height_m(time_s), delta=2e-3)
             self.assertEqual((row["force_x_n"], row["force_y_n"]), (1.0, -2.0))
             if abs(time_s) > 0.11:
@@ -119,7 +131,7 @@ key: float(value) for key, value in row.items()} for row in csv.DictReader(strea
         self.convert()
         again = subprocess.run([program, "check", self.path("test.csv")], capture_output=True, text=True, check=False)
         self.assertEqual(again.stdout.split("\n", 1)[1], outcome.stdout.split("\n", 1)[1])
-#Cut off, as by a full disk.
+        # Cut off, as by a full disk.
         with open(self.bag_file, "r+b") as stream:
             stream.truncate(20000)
         outcome = subprocess.run([program, "check", self.bag_file], capture_output=True, text=True, check=False)

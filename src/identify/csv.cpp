@@ -149,10 +149,9 @@ void checkHeader(const std::vector<std::string>& header, const std::string& line
     throw ConfigError(
         "", "", "no header: the first line must name the columns, such as time_s,force_n,hoist_position_m", where);
   }
-  for (std::size_t i = 0; i < header.size(); ++i) {
-    if (!header[i].empty() && std::find(header.begin(), header.begin() + i, header[i]) != header.begin() + i) {
-      throw ConfigError("", "", "column " + shown(header[i]) + " is given twice", where);
-    }
+  for (const std::string& name : header) {
+    if (name.empty() || std::count(header.begin(), header.end(), name) == 1) continue;
+    throw ConfigError("", "", "column " + shown(name) + " is given twice", where);
   }
 }
 
@@ -178,7 +177,7 @@ CsvTable readCsv(const std::string& path, const std::vector<std::string>& wanted
   std::vector<std::string> cells;
   std::optional<ConfigError> wrong_length;  // of the row before: allowed at the end of the file only
   while (reader.next(line)) {
-    if (wrong_length) throw *wrong_length;
+    if (wrong_length) throw ConfigError(*wrong_length);
     split(line, reader.where(), cells);
     if (cells.size() != table.header.size()) {
       wrong_length.emplace("", "",
@@ -186,7 +185,7 @@ CsvTable readCsv(const std::string& path, const std::vector<std::string>& wanted
                                std::to_string(table.header.size()) +
                                (cells.size() > table.header.size() ? "; decimals must be written with a point" : ""),
                            reader.where());
-      if (cells.size() > table.header.size()) throw *wrong_length;
+      if (cells.size() > table.header.size()) throw ConfigError(*wrong_length);
       continue;
     }
     for (std::size_t i = 0; i < wanted.size(); ++i) {

@@ -711,7 +711,7 @@ Findings checkClock(const std::optional<ClockOffset>& clock, bool has_stops) {
            std::string("the force comes ") + (clock->offset_s > 0.0 ? "late" : "early") + ", by " + estimate +
                ", at starts and stops of the hoist",
            clock->offset_s > 0.0
-               ? "the offset is known well enough to be taken off; a lag of the load cell looks the same"
+               ? "the offset is known well enough to be taken off; a large lag of the load cell looks alike"
                : "the offset is known well enough to be taken off"}};
 }
 

@@ -1,28 +1,40 @@
-// brash_ice: runs and checks pull-up scenarios and studies without ROS.
+// brash_ice: runs pull-up scenarios and studies, and checks them and measured records, without ROS.
 
 #include <fcntl.h>
 #include <poll.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
+#include <cstring>
 #include <exception>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <limits>
+#include <memory>
+#include <optional>
+#include <stdexcept>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include <CLI/CLI.hpp>
 
 #include "brash_ice_rig/config/scenario_reader.h"
+#include "brash_ice_rig/identify/record.h"
+#include "brash_ice_rig/identify/record_check.h"
 #include "brash_ice_rig/output/progress_line.h"
 #include "brash_ice_rig/output/run_files.h"
 #include "brash_ice_rig/simulation/simulation.h"
 #include "brash_ice_rig/simulation/waiting_threads.h"
 #include "brash_ice_rig/study/study.h"
 #include "brash_ice_rig/study/study_file.h"
+#include "brash_ice_rig/system/child_process.h"
 #include "brash_ice_rig/version.h"
 
 namespace brash_ice_rig {
@@ -132,23 +144,70 @@ int study(StudyOptions options) {
   return runStudy(options) ? kExitDone : kExitRunFailed;
 }
 
+bool isBag(const std::string& file) {
+  constexpr char kStart[] = "#ROSBAG V2.0";
+  char start[sizeof kStart] = {};
+  std::ifstream(file, std::ios::binary).read(start, sizeof kStart - 1);
+  return std::strcmp(start, kStart) == 0;
+}
+
+/// A bag becomes a record by the script bag_to_record, which lies beside this program: only that script knows ROS.
+/// @throws ConfigError with what the script says
+Record readBag(const std::string& file) {
+  std::string directory = (std::filesystem::temp_directory_path() / "brash_ice_XXXXXX").string();
+  if (mkdtemp(directory.data()) == nullptr) throw std::runtime_error(directory + ": " + std::strerror(errno));
+  const auto remove = [](const std::string* path) {
+    std::error_code ignored;
+    std::filesystem::remove_all(*path, ignored);
+  };
+  const std::unique_ptr<const std::string, decltype(remove)> directory_lifetime(&directory, remove);
+
+  ChildSetup setup;
+  setup.program = programBesideThis("bag_to_record");
+  setup.log_file = directory + "/log";
+  setup.arguments = {file, "--out", directory + "/" + std::filesystem::path(file).stem().string()};
+  constexpr std::chrono::minutes kTimeout{10};
+  std::string reason;
+  try {
+    const std::optional<ChildEnd> end = ChildProcess(setup).wait(kTimeout, [] { return stop_requested != 0; });
+    if (end && end->success()) return readRecord(directory);
+    std::ifstream log(setup.log_file);
+    reason.assign(std::istreambuf_iterator<char>(log), {});
+    while (!reason.empty() && reason.back() == '\n') reason.pop_back();
+    if (reason.empty()) reason = setup.program + ": " + (end ? end->text() : "stopped before its end");
+  } catch (const std::system_error& error) {
+    reason = error.what();
+  }
+  throw ConfigError("", "", "this bag could not be made a record: " + reason, file);
+}
+
+/// Reads a file and says on stdout what it is worth.
+/// @return whether it can be used
 /// @throws ConfigError
-void checkFile(const std::string& file) {
+bool checkFile(const std::string& file) {
+  const bool is_bag = isBag(file);
+  if (is_bag || isRecord(file)) {
+    const Record record = is_bag ? readBag(file) : readRecord(file);
+    const RecordReport report = checkRecord(record);
+    std::printf("%s", describe(file, record, report).c_str());
+    return report.usability() != Usability::kNo;
+  }
   if (isStudyFile(file)) {
     readStudy(file);
-    return;
+  } else {
+    ScenarioSources sources;
+    sources.file = file;
+    loadScenario(sources);
   }
-  ScenarioSources sources;
-  sources.file = file;
-  loadScenario(sources);
+  std::printf("%s: ok\n", file.c_str());
+  return true;
 }
 
 int check(const std::vector<std::string>& files) {
   int code = kExitDone;
   for (const std::string& file : files) {
     try {
-      checkFile(file);
-      std::printf("%s: ok\n", file.c_str());
+      if (!checkFile(file)) code = kExitBadInput;
     } catch (const ConfigError& error) {
       std::fprintf(stderr, "%s\n", error.what());
       code = kExitBadInput;
@@ -206,8 +265,11 @@ int runProgram(int argc, char** argv) {
 
   std::vector<std::string> files;
   CLI::App* check_command =
-      app.add_subcommand("check", "Validate scenarios, overlays and studies without running them");
-  check_command->add_option("files", files, "Scenario, overlay or study YAML")->required()->type_name("FILE");
+      app.add_subcommand("check", "Validate scenarios, overlays, studies and measured records without running them");
+  check_command
+      ->add_option("files", files, "Scenario, overlay or study YAML; record: its CSV, manifest, directory or bag")
+      ->required()
+      ->type_name("FILE");
 
   try {
     app.parse(argc, argv);

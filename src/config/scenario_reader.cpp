@@ -365,7 +365,7 @@ class Composer {
 
 Scenario loadScenario(const ScenarioSources& sources) {
   Composer composer;
-  composer.applyFile(sources.file);
+  if (!sources.file.empty()) composer.applyFile(sources.file);
   for (const std::string& overlay : sources.overlays) composer.applyOverlay(overlay);
   composer.applySettings(sources.settings);
   return composer.finish(sources.file);

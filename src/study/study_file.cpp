@@ -26,114 +26,6 @@ constexpr std::size_t kMaxNameLength = 200;      // file systems allow 255
 
 // ---- what stands in the file
 
-/// A value of the study file with its place.
-struct Item {
-  std::string name;   ///< key within its map
-  std::string key;    ///< the whole way to it, e.g. cases[0].name
-  YAML::Node value;   ///< not defined: the file does not have it
-  std::string file;   ///< path of the study file
-  std::string where;  ///< `file:line`
-
-  bool exists() const { return value.IsDefined(); }
-
-  [[noreturn]] void refuse(const std::string& rule) const {
-    std::string shown;
-    if (exists() && value.IsScalar()) shown = value.Scalar().empty() ? "\"\"" : value.Scalar();
-    if (exists() && value.IsSequence()) shown = "[...]";
-    if (exists() && value.IsMap()) shown = "{...}";
-    throw ConfigError(key, shown, shown.empty() ? key + " " + rule : rule, where);
-  }
-
-  /// Text that is not empty.
-  std::string text(const std::string& rule = "must be text") const {
-    if (!exists() || !value.IsScalar() || value.Scalar().empty()) refuse(rule);
-    return value.Scalar();
-  }
-
-  double number(const Range& range) const {
-    const std::string written = text("must be a number");
-    const double result = numberFromText(key, written, where);
-    checkRange(key, result, written, range, where);
-    return result;
-  }
-
-  std::uint64_t wholeNumber(const Range& range) const {
-    const double result = number(range);
-    checkWholeNumber(key, value.Scalar(), where);
-    return static_cast<std::uint64_t>(result);
-  }
-
-  std::string word(const std::vector<std::string>& words) const {
-    std::string rule = "must be " + words.front();
-    for (std::size_t i = 1; i < words.size(); ++i) rule += (i + 1 < words.size() ? ", " : " or ") + words[i];
-    std::string written = text(rule);
-    if (std::find(words.begin(), words.end(), written) == words.end()) refuse(rule);
-    return written;
-  }
-
-  /// Elements, at least one.
-  std::vector<Item> list(const std::string& rule) const {
-    if (!exists() || !value.IsSequence() || value.size() == 0) refuse(rule);
-    std::vector<Item> items;
-    for (const YAML::Node& element : value) {
-      items.push_back({"", key + "[" + std::to_string(items.size()) + "]", element, file, whereIs(element)});
-    }
-    return items;
-  }
-
-  /// Entries of a map, at least one, in the order of the file.
-  std::vector<Item> map(const std::string& rule) const {
-    if (!exists() || !value.IsMap() || value.size() == 0) refuse(rule);
-    std::vector<Item> items;
-    for (const auto& pair : value) {
-      if (!pair.first.IsScalar()) throw ConfigError("", "", "each key must be a single word", whereIs(pair.first));
-      const std::string& own_name = pair.first.Scalar();
-      Item item{own_name, key.empty() ? own_name : key + "." + own_name, pair.second, file, whereIs(pair.first)};
-      const auto same = [&](const Item& other) { return other.name == own_name; };
-      if (std::any_of(items.begin(), items.end(), same)) {
-        throw ConfigError(item.key, "", item.key + " is given twice", item.where);
-      }
-      items.push_back(std::move(item));
-    }
-    return items;
-  }
-
-  std::string whereIs(const YAML::Node& node) const { return file + ":" + std::to_string(node.Mark().line + 1); }
-};
-
-/// A map that may have certain keys only.
-class Section {
- public:
-  Section(const Item& map, const std::vector<std::string>& allowed)
-      : map_(map), items_(map.map("must be a map with the keys " + joined(allowed))) {
-    for (const Item& item : items_) {
-      if (std::find(allowed.begin(), allowed.end(), item.name) != allowed.end()) continue;
-      throw ConfigError(item.key, "",
-                        "unknown key " + item.key + "; did you mean " + nearestWord(allowed, item.name) + "?",
-                        item.where);
-    }
-  }
-
-  /// Its value is not defined where the map lacks it.
-  Item operator[](const std::string& name) const {
-    for (const Item& item : items_) {
-      if (item.name == name) return item;
-    }
-    const std::string key = map_.key.empty() ? name : map_.key + "." + name;
-    return {name, key, YAML::Node(YAML::NodeType::Undefined), map_.file, map_.where};
-  }
-
- private:
-  static std::string joined(const std::vector<std::string>& words) {
-    std::string text;
-    for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
-    return text;
-  }
-
-  Item map_;
-  std::vector<Item> items_;
-};
-
 /// A scenario key that the study sets.
 struct Setting {
   std::string key, value, where;
@@ -147,25 +39,25 @@ struct CaseSource {
   std::string where;
 };
 
-Setting settingOf(const std::string& key, const Item& value, const std::string& written) {
+Setting settingOf(const std::string& key, const YamlItem& value, const std::string& written) {
   if (key == "field.seed") throw ConfigError(key, written, "is what `seeds` sets; give the values there", value.where);
   return {key, written, value.where};
 }
 
-std::vector<Setting> readSettings(const Item& item) {
+std::vector<Setting> readSettings(const YamlItem& item) {
   if (!item.exists()) return {};
   std::vector<Setting> settings;
-  for (const Item& entry : item.map("must be a map of scenario keys, such as {ice.cohesion_pa: 50}")) {
+  for (const YamlItem& entry : item.map("must be a map of scenario keys, such as {ice.cohesion_pa: 50}")) {
     settings.push_back(settingOf(entry.name, entry, entry.text("must be a single value")));
   }
   return settings;
 }
 
 /// Paths relative to the study file.
-std::vector<std::string> readOverlays(const Item& item) {
+std::vector<std::string> readOverlays(const YamlItem& item) {
   if (!item.exists()) return {};
   std::vector<std::string> paths;
-  for (const Item& entry : item.list("must be a list of files, such as [overlay.yaml]")) {
+  for (const YamlItem& entry : item.list("must be a list of files, such as [overlay.yaml]")) {
     const std::filesystem::path directory = std::filesystem::path(item.file).parent_path();
     paths.push_back((directory / entry.text("must be a file's name")).lexically_normal().string());
   }
@@ -188,14 +80,14 @@ void checkName(const std::string& name, const std::string& where) {
   if (name.size() > kMaxNameLength) refuse("must have at most " + std::to_string(kMaxNameLength) + " letters");
 }
 
-std::vector<CaseSource> readCases(const Item& cases) {
+std::vector<CaseSource> readCases(const YamlItem& cases) {
   std::vector<CaseSource> sources;
-  for (const Item& item : cases.list("must be a list of cases, such as [{name: A, settings: {...}}]")) {
-    const Section section(item, {"name", "title", "overlays", "settings"});
+  for (const YamlItem& item : cases.list("must be a list of cases, such as [{name: A, settings: {...}}]")) {
+    const YamlSection section(item, {"name", "title", "overlays", "settings"});
     CaseSource source;
     source.where = item.where;
     source.described.name = section["name"].text();
-    const Item title = section["title"];
+    const YamlItem title = section["title"];
     source.described.title = title.exists() ? title.text() : source.described.name;
     source.overlays = readOverlays(section["overlays"]);
     source.settings = readSettings(section["settings"]);
@@ -209,13 +101,13 @@ std::string leafOf(const std::string& key) {
   return key.substr(key.rfind('.') + 1);
 }
 
-std::vector<CaseSource> readGrid(const Item& grid) {
-  const std::vector<Item> axes = grid.map("must be a map of scenario keys, such as {ice.cohesion_pa: [50, 200]}");
+std::vector<CaseSource> readGrid(const YamlItem& grid) {
+  const std::vector<YamlItem> axes = grid.map("must be a map of scenario keys, such as {ice.cohesion_pa: [50, 200]}");
   double case_count = 1.0;
   std::vector<std::vector<Setting>> values;
-  for (const Item& axis : axes) {
+  for (const YamlItem& axis : axes) {
     values.emplace_back();
-    for (const Item& value : axis.list("must be a list of values")) {
+    for (const YamlItem& value : axis.list("must be a list of values")) {
       values.back().push_back(settingOf(axis.name, value, value.text("must be a single value")));
     }
     case_count *= static_cast<double>(values.back().size());
@@ -249,7 +141,7 @@ std::vector<CaseSource> readGrid(const Item& grid) {
 
 /// Interval from which a sampled key is drawn.
 struct SampledKey {
-  Item item;
+  YamlItem item;
   double min, max;
   bool log_scale;
 
@@ -265,14 +157,14 @@ struct SampledKey {
   }
 };
 
-std::vector<CaseSource> readSample(const Item& sample) {
-  const Section section(sample, {"count", "seed", "keys"});
+std::vector<CaseSource> readSample(const YamlItem& sample) {
+  const YamlSection section(sample, {"count", "seed", "keys"});
   const std::uint64_t count = section["count"].wholeNumber(Range{1.0, kMaxRuns});
-  const Item seed = section["seed"];
+  const YamlItem seed = section["seed"];
   std::vector<SampledKey> keys;
-  for (const Item& item : section["keys"].map("must be a map of scenario keys with their intervals")) {
-    const Section interval(item, {"min", "max", "scale"});
-    const Item scale = interval["scale"];
+  for (const YamlItem& item : section["keys"].map("must be a map of scenario keys with their intervals")) {
+    const YamlSection interval(item, {"min", "max", "scale"});
+    const YamlItem scale = interval["scale"];
     SampledKey key{item, interval["min"].number(Range{}), interval["max"].number(Range{}),
                    scale.exists() && scale.word({"linear", "log"}) == "log"};
     if (!(key.min < key.max)) interval["max"].refuse("must be greater than min");
@@ -301,7 +193,7 @@ std::vector<CaseSource> readSample(const Item& sample) {
   return sources;
 }
 
-std::vector<CaseSource> readCaseSources(const Section& root, const std::string& path) {
+std::vector<CaseSource> readCaseSources(const YamlSection& root, const std::string& path) {
   int given = 0;
   for (const char* key : {"cases", "grid", "sample"}) given += root[key].exists() ? 1 : 0;
   if (given != 1) throw ConfigError("", "", "must have exactly one of the keys cases, grid and sample", path);
@@ -361,10 +253,10 @@ Scenario buildScenario(const std::string& file, const std::vector<std::string>& 
   }
 }
 
-std::vector<std::uint64_t> readSeeds(const Item& item) {
+std::vector<std::uint64_t> readSeeds(const YamlItem& item) {
   if (!item.exists()) return {1};
   std::vector<std::uint64_t> seeds;
-  for (const Item& entry : item.list("must be a list of whole numbers, such as [1, 2, 3]")) {
+  for (const YamlItem& entry : item.list("must be a list of whole numbers, such as [1, 2, 3]")) {
     const std::uint64_t seed = entry.wholeNumber(Range{0.0, kMaxSeed});
     if (std::find(seeds.begin(), seeds.end(), seed) != seeds.end()) entry.refuse("is given twice");
     seeds.push_back(seed);
@@ -373,7 +265,7 @@ std::vector<std::uint64_t> readSeeds(const Item& item) {
 }
 
 /// Without jitter all seeds give the same run.
-void checkSeedsMatter(const Study& study, const Item& seeds) {
+void checkSeedsMatter(const Study& study, const YamlItem& seeds) {
   if (study.seeds.size() < 2) return;
   const auto jitters = [](const StudyRun& run) { return run.scenario.field.jitter_ratio > 0.0; };
   if (std::any_of(study.runs.begin(), study.runs.end(), jitters)) return;
@@ -398,7 +290,7 @@ std::vector<std::string> caseNames(const Study& study) {
   return names;
 }
 
-std::string readCaseName(const Item& item, const std::vector<std::string>& known) {
+std::string readCaseName(const YamlItem& item, const std::vector<std::string>& known) {
   std::string name = item.text("must be the name of a case");
   if (std::find(known.begin(), known.end(), name) == known.end()) {
     item.refuse("is not a case of this study; did you mean " + nearestWord(known, name) + "?");
@@ -407,7 +299,7 @@ std::string readCaseName(const Item& item, const std::vector<std::string>& known
 }
 
 /// The report shows what the run has left: only multiples of the interval are there.
-void checkSnapshotTimes(const Study& study, const Item& times, const StudyFigure& figure) {
+void checkSnapshotTimes(const Study& study, const YamlItem& times, const StudyFigure& figure) {
   const auto shown = std::find_if(study.runs.begin(), study.runs.end(), [&](const StudyRun& run) {
     return study.cases[run.case_index].name == figure.cases.front();
   });
@@ -421,13 +313,13 @@ void checkSnapshotTimes(const Study& study, const Item& times, const StudyFigure
   }
 }
 
-StudyFigure readFigure(const Study& study, const Item& item) {
-  const Section section(item, {"kind", "title", "cases", "case", "times_s"});
+StudyFigure readFigure(const Study& study, const YamlItem& item) {
+  const YamlSection section(item, {"kind", "title", "cases", "case", "times_s"});
   std::vector<std::string> kinds;
   for (const auto& [kind, title] : figureTitles()) kinds.push_back(kind);
   StudyFigure figure;
   figure.kind = section["kind"].word(kinds);
-  const Item title = section["title"];
+  const YamlItem title = section["title"];
   figure.title = title.exists() ? title.text() : figureTitles().at(figure.kind);
   const std::vector<std::string> known = caseNames(study);
   const bool snapshots = figure.kind == "snapshots";
@@ -438,8 +330,8 @@ StudyFigure readFigure(const Study& study, const Item& item) {
   if (!snapshots) refuseKey("times_s");
   if (snapshots) {
     figure.cases = {readCaseName(section["case"], known)};
-    const Item times = section["times_s"];
-    for (const Item& time : times.list("must be a list of times, such as [5, 15]")) {
+    const YamlItem times = section["times_s"];
+    for (const YamlItem& time : times.list("must be a list of times, such as [5, 15]")) {
       figure.times_s.push_back(time.number(Range{}));
     }
     checkSnapshotTimes(study, times, figure);
@@ -449,13 +341,13 @@ StudyFigure readFigure(const Study& study, const Item& item) {
     figure.cases = known;
     return figure;
   }
-  for (const Item& name : section["cases"].list("must be a list of cases' names")) {
+  for (const YamlItem& name : section["cases"].list("must be a list of cases' names")) {
     figure.cases.push_back(readCaseName(name, known));
   }
   return figure;
 }
 
-std::vector<StudyFigure> readFigures(const Study& study, const Item& item) {
+std::vector<StudyFigure> readFigures(const Study& study, const YamlItem& item) {
   std::vector<StudyFigure> figures;
   if (!item.exists()) {
     for (const char* kind : {"force", "bars"}) {
@@ -463,7 +355,7 @@ std::vector<StudyFigure> readFigures(const Study& study, const Item& item) {
     }
     return figures;
   }
-  for (const Item& entry : item.list("must be a list of figures, such as [{kind: force}]")) {
+  for (const YamlItem& entry : item.list("must be a list of figures, such as [{kind: force}]")) {
     figures.push_back(readFigure(study, entry));
   }
   return figures;
@@ -481,8 +373,8 @@ bool isStudyFile(const std::string& path) {
 }
 
 Study readStudy(const std::string& path) {
-  const Item file{"", "", readYamlMap(path, "keys, such as `title: text` and `scenario: file.yaml`"), path, path};
-  const Section root(
+  const YamlItem file{"", "", readYamlMap(path, "keys, such as `title: text` and `scenario: file.yaml`"), path, path};
+  const YamlSection root(
       file, {"title", "scenario", "overlays", "settings", "seeds", "cases", "grid", "sample", "figures", "findings"});
   Study study;
   study.title = root["title"].text();

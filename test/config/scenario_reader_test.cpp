@@ -13,6 +13,7 @@
 #include <gtest/gtest.h>
 #include <yaml-cpp/yaml.h>
 
+#include "brash_ice_rig/config/yaml_document.h"
 #include "config_files.h"
 #include "key_lister.h"
 
@@ -261,6 +262,16 @@ TEST(ScenarioReader, SyntaxErrorNamesItsLine) {
   EXPECT_EQ(refusalOfText("field:\n  seed: 1\n  spacing_m: [0.3\nice: {}\n").rfind("4: not valid YAML: ", 0), 0u);
   EXPECT_EQ(refusalOfText("field:\n\tseed: 1\n").rfind("2: not valid YAML: ", 0), 0u);
   EXPECT_EQ(refusalOfText("field: *nowhere\n").rfind("1: not valid YAML: ", 0), 0u);
+}
+
+TEST(ScenarioReader, NoFileMeansTheDefaults) {
+  EXPECT_EQ(toYaml(loadScenario({"", {}, {}})), toYaml(Scenario()));
+  EXPECT_EQ(loadScenario({"", {}, {"field.thickness_m=1.0"}}).field.thickness_m, 1.0);
+}
+
+TEST(ScenarioReader, FileTooLargeForYamlIsRefusedUnread) {
+  const std::string path = writeFile("large.yaml", "title: x\n" + std::string(kMaxYamlBytes, '#'));
+  EXPECT_EQ(refusal({path, {}, {}}), path + ": is larger than 4 MB, which no YAML file of ours is");
 }
 
 TEST(ScenarioReader, FileMustBeOneMap) {

@@ -11,7 +11,7 @@ namespace brash_ice_rig {
 
 /// Where a scenario comes from; later entries win over earlier ones: file, overlays in order, settings in order.
 struct ScenarioSources {
-  std::string file;                   ///< path of a scenario YAML
+  std::string file;                   ///< path of a scenario YAML; empty: the defaults
   std::vector<std::string> overlays;  ///< paths of YAML files that hold only the changed keys
   std::vector<std::string> settings;  ///< `section.key=value`
 };

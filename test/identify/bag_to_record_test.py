@@ -1,0 +1,197 @@
+#!/usr/bin/python3
+"""Tests of scripts/bag_to_record, and of `brash_ice check` on a bag (environment BRASH_ICE_PROGRAM), with bags written
+here. PYTHONPATH must lead to the package's messages."""
+
+import csv
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import rosbag
+import rospy
+import yaml
+from brash_ice_rig.msg import CraneState, ForceComponents
+from geometry_msgs.msg import WrenchStamped
+from std_msgs.msg import String
+
+SOURCE_DIR = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+SCRIPT = os.path.join(SOURCE_DIR, "scripts", "bag_to_record")
+
+START_S = 101.0  # stamp of time 0
+QUIET_S = 8.0
+SPEED_MPS = 0.052
+
+
+def height_m(time_s):
+    return -1.38 + SPEED_MPS * max(0.0, time_s)
+
+
+def force_n(time_s):
+    noise_n = 30.0 * ((int(round(1e3 * time_s)) * 7919 % 101) / 50.0 - 1.0)
+    return 2052.0 + 12000.0 * min(1.0, max(0.0, time_s) / 20.0) + noise_n
+
+
+def state_at(time_s, stamp_s):
+    state = CraneState()
+    state.header.stamp = rospy.Time.from_sec(stamp_s)
+    state.time_s = time_s
+    state.hoist_position_m = height_m(time_s)
+    state.velocity_mps.z = SPEED_MPS if time_s > 0.0 else 0.0
+    state.commanded_velocity_mps.z = state.velocity_mps.z
+    return state
+
+
+def write_run(bag, start_s, end_s, rig="/rig/", shift_s=0.0):
+    """Force at 20 Hz, motion at 10 Hz. shift_s: of the stamps."""
+    for i in range(int(round(20 * (end_s - start_s))) + 1):
+        time_s = start_s + i / 20
+        stamp_s = START_S + shift_s + time_s
+        wrench = WrenchStamped()
+        wrench.header.stamp = rospy.Time.from_sec(stamp_s)
+        wrench.wrench.force.x, wrench.wrench.force.y, wrench.wrench.force.z = 1.0, -2.0, force_n(time_s)
+        bag.write(rig + "load_cell/wrench", wrench, wrench.header.stamp)
+        if i % 2 == 0:
+            bag.write(rig + "crane/state", state_at(time_s, stamp_s), wrench.header.stamp)
+
+
+class BagToRecord(unittest.TestCase):
+    def setUp(self):
+        self.directory = tempfile.TemporaryDirectory()
+        self.addCleanup(self.directory.cleanup)
+        self.bag_file = self.path("test.bag")
+
+    def path(self, name):
+        return os.path.join(self.directory.name, name)
+
+    def run_script(self, *arguments):
+        return subprocess.run([SCRIPT, *arguments], capture_output=True, text=True, check=False)
+
+    def convert(self, *arguments):
+        outcome = self.run_script(self.bag_file, *arguments)
+        self.assertEqual(outcome.returncode, 0, outcome.stderr)
+        return outcome.stdout.split()
+
+    def refusal(self, *arguments):
+        outcome = self.run_script(self.bag_file, *arguments)
+        self.assertEqual(outcome.returncode, 1, outcome.stdout)
+        self.assertTrue(outcome.stderr.startswith("bag_to_record: "), outcome.stderr)
+        self.assertNotIn("Traceback", outcome.stderr)
+        return outcome.stderr
+
+    def simulated_bag(self):
+        with rosbag.Bag(self.bag_file, "w") as bag:
+            bag.write("/rig/sim/scenario", String("# brash_ice_rig 1\ntitle: Bag test\ncollector: {radius_m: 1.2}\n"),
+                      rospy.Time.from_sec(START_S - QUIET_S))
+            for after_s, buoyancy_n in [(0.0, 0.0), (1.0, 302.5), (20.0, 210.0)]:
+                bag.write("/rig/ground_truth/force_components", ForceComponents(weight_n=2354.4, buoyancy_n=buoyancy_n),
+                          rospy.Time.from_sec(START_S - QUIET_S + after_s))
+            write_run(bag, -QUIET_S, 40.0)
+
+    def rows(self, name="test.csv"):
+        with open(self.path(name), newline="", encoding="utf-8") as stream:
+            return [{key: float(value) for key, value in row.items()} for row in csv.DictReader(stream)]
+
+    def test_rows_are_force_and_motion_at_the_time_of_the_test(self):
+        self.simulated_bag()
+        names = [os.path.basename(path) for path in self.convert()]
+        self.assertEqual(names, ["test.csv", "test.yaml", "test_rig.yaml"])
+        rows = self.rows()
+        self.assertEqual(len(rows), 20 * 48 + 1)
+        for row in rows:
+            time_s = row["time_s"]
+            self.assertAlmostEqual(row["force_n"], force_n(round(20 * time_s) / 20), delta=1e-3)
+            # A straight line between 10 Hz messages cuts the corner at the start by 1.3 mm.
+            self.assertAlmostEqual(row["hoist_position_m"], height_m(time_s), delta=2e-3)
+            self.assertEqual((row["force_x_n"], row["force_y_n"]), (1.0, -2.0))
+            if abs(time_s) > 0.11:
+                self.assertAlmostEqual(row["hoist_speed_mps"], SPEED_MPS if time_s > 0.0 else 0.0, delta=1e-6)
+                self.assertAlmostEqual(row["hoist_command_mps"], SPEED_MPS if time_s > 0.0 else 0.0, delta=1e-6)
+        self.assertAlmostEqual(rows[0]["time_s"], -QUIET_S, delta=1e-6)
+
+    def test_manifest_holds_what_the_bag_knows(self):
+        self.simulated_bag()
+        self.convert()
+        with open(self.path("test.yaml"), encoding="utf-8") as stream:
+            manifest = yaml.safe_load(stream)
+        self.assertEqual(manifest["title"], "Bag test")
+        self.assertEqual(manifest["source"], "synthetic")
+        self.assertEqual(manifest["rig"], "test_rig.yaml")
+        self.assertAlmostEqual(manifest["tare_n"], 2354.4 - 302.5)
+
+    def test_program_checks_a_bag_as_the_record_that_it_becomes(self):
+        self.simulated_bag()
+        program = os.environ["BRASH_ICE_PROGRAM"]
+        outcome = subprocess.run([program, "check", self.bag_file], capture_output=True, text=True, check=False)
+        self.assertEqual(outcome.returncode, 0, outcome.stdout + outcome.stderr)
+        self.assertIn(f'{self.bag_file}: record "Bag test" (synthetic)', outcome.stdout)
+        self.assertIn("usable for identification: yes", outcome.stdout)
+        self.assertEqual(os.listdir(self.directory.name), ["test.bag"])
+        self.convert()
+        again = subprocess.run([program, "check", self.path("test.csv")], capture_output=True, text=True, check=False)
+        self.assertEqual(again.stdout.split("\n", 1)[1], outcome.stdout.split("\n", 1)[1])
+        # Cut off, as by a full disk.
+        with open(self.bag_file, "r+b") as stream:
+            stream.truncate(20000)
+        outcome = subprocess.run([program, "check", self.bag_file], capture_output=True, text=True, check=False)
+        self.assertEqual(outcome.returncode, 2)
+        self.assertIn("rosbag reindex", outcome.stderr)
+
+    def test_pause_leaves_no_trace(self):
+        with rosbag.Bag(self.bag_file, "w") as bag:
+            write_run(bag, -1.0, 0.0)
+            for i in range(1, 6):  # repeated, stamps creep by a microsecond
+                stamp_s = START_S + 1e-6 * i
+                bag.write("/rig/crane/state", state_at(0.0, stamp_s), rospy.Time.from_sec(stamp_s))
+            write_run(bag, 0.05, 1.0, shift_s=5e-6)
+        self.convert("--source", "lab")
+        times_s = [row["time_s"] for row in self.rows()]
+        self.assertTrue(all(b > a for a, b in zip(times_s, times_s[1:])))
+        self.assertGreater(len(times_s), 36)
+        self.assertAlmostEqual(times_s[-1], 0.95, delta=1e-4)
+
+    def test_each_reset_starts_a_run_that_can_be_chosen(self):
+        with rosbag.Bag(self.bag_file, "w") as bag:
+            write_run(bag, -1.0, 2.0)
+            write_run(bag, -1.0, 1.0, shift_s=10.0)
+        self.assertIn("holds 2 runs, one after each reset; choose with --run 1 to --run 2",
+                      self.refusal("--source", "lab"))
+        self.convert("--source", "lab", "--run", "2")
+        rows = self.rows()
+        self.assertEqual(len(rows), 41)
+        self.assertAlmostEqual(rows[-1]["time_s"], 1.0, delta=1e-6)
+        self.assertIn("--run 3: the bag holds 2", self.refusal("--source", "lab", "--run", "3"))
+
+    def test_several_rigs_must_be_told_apart(self):
+        with rosbag.Bag(self.bag_file, "w") as bag:
+            write_run(bag, -1.0, 1.0, rig="/rig_1/")
+            write_run(bag, -1.0, 1.0, rig="/rig_2/")
+        self.assertIn("choose with --ns: /rig_1/, /rig_2/", self.refusal("--source", "lab"))
+        self.assertIn("no topic /rig_3/load_cell/wrench", self.refusal("--source", "lab", "--ns", "rig_3"))
+        self.convert("--source", "lab", "--ns", "rig_2")
+
+    def test_what_cannot_be_a_record_is_refused_with_its_reason(self):
+        self.assertIn("No such file", self.refusal())
+        with open(self.bag_file, "wb") as stream:
+            stream.write(b"nonsense")
+        self.refusal()
+        with rosbag.Bag(self.bag_file, "w") as bag:
+            bag.write("/chatter", String("x"), rospy.Time.from_sec(1.0))
+        self.assertIn("no topic .../load_cell/wrench; the topics are /chatter", self.refusal())
+        with rosbag.Bag(self.bag_file, "w") as bag:
+            bag.write("/rig/load_cell/wrench", WrenchStamped(), rospy.Time.from_sec(1.0))
+        self.assertIn("no messages on /rig/crane/state", self.refusal())
+        with rosbag.Bag(self.bag_file, "w") as bag:
+            write_run(bag, -1.0, 1.0)
+        self.assertIn("give --source field, lab or synthetic", self.refusal())
+
+    def test_files_that_exist_are_replaced_only_if_asked(self):
+        self.simulated_bag()
+        self.convert("--out", self.path("other"))
+        self.assertIn("other.csv exists; --force replaces it", self.refusal("--out", self.path("other")))
+        self.convert("--out", self.path("other"), "--force")
+
+
+if __name__ == "__main__":
+    sys.exit(unittest.main(verbosity=1))

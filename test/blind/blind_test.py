@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Tests of the truth generator: laws against closed forms, effects, noise, seeds, and that no record tells its truth."""
+"""Tests of the truth generator: laws against closed forms, effects, noise, seeds; and no record tells its truth."""
 
 import json
 import math
@@ -233,8 +233,8 @@ class Records(unittest.TestCase):
         for name in index:
             for role in ("fit", "holdout"):
                 self.assertTrue({(name, role, True), (name, role, False)} <= made, name)
-        known = set("""drainage freeze_bonds block_drop vessel_heave crane_speed pole_tilt load_cell_bias load_cell_drift
-            load_cell_scale load_cell_lag collector_hydrodynamics porosity_gradient thickness_field rate_dependence
+        known = set("""drainage freeze_bonds block_drop vessel_heave crane_speed pole_tilt load_cell_bias
+            load_cell_drift load_cell_scale load_cell_lag collector_hydrodynamics porosity_gradient thickness_field rate_dependence
             compliance refreezing""".split())
         self.assertEqual({cls.name for cls in effects.ALL if not cls.name.startswith("unknown:")}, known)
         nulls, _ = make_records.null_jobs("test", 1, 60)
@@ -243,6 +243,12 @@ class Records(unittest.TestCase):
         self.assertFalse(any(job.case.effects for job in nulls))
         with self.assertRaisesRegex(ValueError, "nulls"):
             make_records.null_jobs("test", 1, 0)
+
+    def test_a_directory_with_records_is_left_alone(self):
+        with tempfile.TemporaryDirectory() as directory:
+            make_records.write([], {}, directory, 1)
+            with self.assertRaises(FileExistsError):
+                make_records.write([], {}, directory, 1)
 
     def test_no_record_tells_its_truth(self):
         jobs, _ = make_records.suite_jobs("tune", 0)

@@ -97,6 +97,8 @@ CASES = [
     Case("wave_slap", "unknown", ((effects.WaveSlap, 1.0, {}),), lateral=True),
     Case("crew_stepping", "unknown", ((effects.CrewStepping, 1.0, {}),)),
     Case("hull_snag", "unknown", ((effects.HullSnag, 1.0, {}),)),
+    Case("drift", "effect", ((effects.LoadCellDrift, 1.0, {}),)),
+    Case("porosity", "effect", ((effects.PorosityGradient, 1.0, {}),), position="commanded"),
     Case("drop_and_bias", "effect", (DROPS, (effects.LoadCellBias, 1.0, {}))),
     Case("drainage_and_swell", "effect", ((effects.Drainage, 1.0, {}), (effects.VesselHeave, 1.0, {}))),
 ]
@@ -169,7 +171,8 @@ def make_record(job, directory):
     zero_n = effects.empty_tension(model)
     clock_s = case.clock_offset_s + float(own.uniform(-0.04, 0.04))
     white_n, count = float(own.uniform(60.0, 80.0)), len(truth.time_s)
-    clean_n = np.interp(truth.time_s - clock_s, truth.time_s, truth.tension_n) - zero_n
+    clean_n, plain_n = (np.interp(truth.time_s - clock_s, truth.time_s, lift.tension_n) - zero_n
+                        for lift in (truth, plain))
     force_n = clean_n + noise(count, rate_hz, white_n, case.pink_n, own)
     columns = {"time_s": ("%.2f", truth.time_s - truth.time_s[0])}
     if not math.isnan(job.lift_start_s):
@@ -199,7 +202,7 @@ def make_record(job, directory):
         "noise": {"white_n": white_n, "pink_n": case.pink_n}, "clock_offset_s": clock_s, "quiet_s": quiet_s,
         # At 10 Hz: the reading without noise, the same lift without the effects, and what the tension is made of.
         "clean": {key: np.round(values[::5], 2).tolist() for key, values in {
-            "time_s": columns["time_s"][1], "force_n": clean_n, "force_without_effects_n": plain.tension_n - zero_n,
+            "time_s": columns["time_s"][1], "force_n": clean_n, "force_without_effects_n": plain_n,
             **truth.components}.items()}}
     with open(os.path.join(directory, "sealed", f"{job.name}.json"), "w", encoding="utf-8") as file:
         json.dump(sealed, file)
@@ -274,9 +277,9 @@ def demo_jobs(purpose, seed):
 
 
 def write(jobs, index, directory, workers):
-    """Makes all records, several at a time, and the index."""
+    """Makes all records, several at a time, and the index. FileExistsError where the directory has one already."""
     os.makedirs(os.path.join(directory, "sealed"), exist_ok=True)
-    with open(os.path.join(directory, "sealed", "index.json"), "w", encoding="utf-8") as file:
+    with open(os.path.join(directory, "sealed", "index.json"), "x", encoding="utf-8") as file:
         json.dump(index, file, indent=1)
     with concurrent.futures.ProcessPoolExecutor(workers) as pool:
         for done in concurrent.futures.as_completed([pool.submit(make_record, job, directory) for job in jobs]):
@@ -309,7 +312,10 @@ def main():
             jobs, index = demo_jobs(arguments.purpose, arguments.seed)
     except ValueError as error:
         parser.error(str(error))
-    write(jobs, index, arguments.directory, max(arguments.jobs, 1))
+    try:
+        write(jobs, index, arguments.directory, max(arguments.jobs, 1))
+    except FileExistsError as error:
+        parser.error(f"{error.filename} is there already; numbers could clash, so choose another directory")
     return 0
 
 

@@ -19,6 +19,7 @@ from reduced_rig import (GRAVITY_MPS2, WATER_DENSITY_KGPM3, Ice, PullUp, Rig, ho
 
 # Quiet until 1 s, lift to 5 s, hold to 8 s, lift to 16 s, hold to 20 s; fast, so that the tests are.
 SHORT_LIFT = hoist_command([(1.0, 0.0), (4.0, 0.1), (3.0, 0.0), (8.0, 0.19), (4.0, 0.0)])
+COARSE = Rig(field_radius_m=2.2, spacing_m=0.25)  # for the effects, of which it shows direction and size as well
 
 
 def mean(result, values, begin_s, end_s):
@@ -108,12 +109,12 @@ class ReducedModel(unittest.TestCase):
 class Effects(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.plain = PullUp(Ice(), 1).run(SHORT_LIFT)
+        cls.plain = PullUp(Ice(), 1, COARSE).run(SHORT_LIFT)
 
     def change(self, cls, severity=1.0, **arguments):
         """The effect, the lift with it, and what it adds to the tension."""
         effect = cls(severity, np.random.default_rng(7), **arguments)
-        result = PullUp(Ice(), 1, effects=[effect]).run(SHORT_LIFT)
+        result = PullUp(Ice(), 1, COARSE, effects=[effect]).run(SHORT_LIFT)
         return effect, result, result.tension_n - self.plain.tension_n
 
     def assert_mean(self, cls, begin_s, end_s, low_n, high_n, **arguments):
@@ -124,7 +125,7 @@ class Effects(unittest.TestCase):
     def test_zero_severity_is_bit_identical(self):
         for order in (effects.ALL, effects.ALL[::-1]):
             zero = [cls(0.0, np.random.default_rng(7)) for cls in order]
-            np.testing.assert_array_equal(PullUp(Ice(), 1, effects=zero).run(SHORT_LIFT).tension_n,
+            np.testing.assert_array_equal(PullUp(Ice(), 1, COARSE, effects=zero).run(SHORT_LIFT).tension_n,
                                           self.plain.tension_n)
 
     def test_negative_severity_is_refused(self):
@@ -146,7 +147,7 @@ class Effects(unittest.TestCase):
         # Water from one instant: what the class adds to a made-up history of 1 m³ that emerges at once.
         result.components["emerged_m3"] = np.ones_like(result.time_s)
         result.tension_n = np.zeros_like(result.time_s)
-        effect.after(PullUp(Ice(), 1), result)
+        effect.after(PullUp(Ice(), 1, COARSE), result)
         full_n = 1000.0 * 9.81 * 0.6 * effect.parameters["held_ratio"]
         quarter = np.searchsorted(result.time_s, 0.25 * effect.parameters["duration_s"])
         self.assertAlmostEqual(result.tension_n[0], full_n, delta=1e-6)
@@ -178,7 +179,7 @@ class Effects(unittest.TestCase):
         self.assertAlmostEqual(change[0], 0.0, delta=2.0)
         _, result, change = self.change(effects.LoadCellScale)
         self.assertAlmostEqual(mean(result, change, 0.2, 0.9), 0.0, delta=1.0)
-        load = mean(result, self.plain.tension_n, 19.0, 20.0) - effects.empty_tension(PullUp(Ice(), 1))
+        load = mean(result, self.plain.tension_n, 19.0, 20.0) - effects.empty_tension(PullUp(Ice(), 1, COARSE))
         self.assertAlmostEqual(mean(result, change, 19.0, 20.0), 0.2 * load * (1.0 - 1e-5 * load), delta=5.0)
         self.assert_mean(effects.LoadCellLag, 2.0, 5.0, -5000.0, -200.0)
         self.assert_mean(effects.LoadCellLag, 0.2, 0.9, -1.0, 1.0)

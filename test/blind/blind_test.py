@@ -172,6 +172,12 @@ class Effects(unittest.TestCase):
         self.assert_mean(effects.CollectorHydrodynamics, 2.0, 4.5, 550.0, 650.0)  # 2000 · 0.1 + 40000 · 0.1² N
         self.assert_mean(effects.CollectorHydrodynamics, 6.0, 7.9, -1.0, 1.0)
 
+    def test_sea_does_not_begin_with_the_record(self):
+        effect = effects.VesselHeave(1.0, np.random.default_rng(7))
+        effect.parameters["phases_rad"] = [0.5 * math.pi, 0.5 * math.pi]  # both lines at their crests
+        tension = PullUp(Ice(), 1, COARSE, effects=[effect]).run(hoist_command([(1.0, 0.0)])).tension_n
+        self.assertLess(np.abs(np.diff(tension)).max(), 200.0)
+
     def test_sensor_effects_act_as_they_should(self):
         self.assert_mean(effects.LoadCellBias, 0.0, 20.0, 899.99, 900.01)
         _, result, change = self.change(effects.LoadCellDrift)

@@ -249,7 +249,7 @@ class Refreezing(Effect):
     name = "refreezing"
 
     def setup(self, rng):
-        self.parameters = {"gain_pa": 250.0 * self.severity, "time_s": 4.0, "break_slip_m": 0.015}
+        self.parameters = {"gain_pa": 100.0 * self.severity, "time_s": 4.0, "break_slip_m": 0.015}
         self.wait, self.rested, self.rate = 0.0, 0.0, 0.0
 
     def strength(self, model, strength):

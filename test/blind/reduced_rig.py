@@ -18,6 +18,7 @@ WATER_DENSITY_KGPM3 = 1000.0
 TIME_STEP_S = 0.01
 SAMPLE_STEPS = 2  # a record has the mean of so many steps per row: 50 Hz
 PRESSURE_MEMORY_S = 0.1  # lag of the confining pressure behind the net's force, so that the step stays explicit
+WARM_UP_STEPS = 300  # before time 0, in which what moves the collector beside the hoist comes up
 SLIDE_STEPS = 5  # ice slides down slopes once in so many steps
 SLIDE_SHARE = 0.08  # share of the excess height that slides each time: half of it within 0.4 s
 CONTACT_SHARE = 0.2  # share of the wanted change of a column's speed that the net gives it in one step
@@ -221,18 +222,18 @@ class PullUp:
         solid = ice.density_kgpm3 * (1.0 - ice.void_fraction) * self.area  # kg per m of column
         lift = WATER_DENSITY_KGPM3 * (1.0 - ice.void_fraction) * self.area  # the same for the water it pushes aside
         hoist, load, hub_speed = self.start_height_m, 0.0, 0.0
-        hub = hoist + sum(effect.suspension(0.0, hoist, 0.0)[2] for effect in self.effects)
+        hub = hoist
         weight = rig.mass_kg * GRAVITY_MPS2
         field_top = ice.thickness_m * (1.0 - self.draft_ratio())
-        for step in range(steps):
+        for step in range(-WARM_UP_STEPS, steps):
             time = step * dt
-            hoist_speed = command_mps[step]
+            command = hoist_speed = command_mps[step] if step >= 0 else 0.0
             for effect in self.effects:
                 hoist_speed = effect.hoist_speed(hoist_speed, weight + load)
             hoist += hoist_speed * dt
             offset = np.zeros(3)
             for effect in self.effects:
-                offset += effect.suspension(time, hoist, load)
+                offset += effect.suspension(time, hoist, load) * min(1.0 + step / WARM_UP_STEPS, 1.0)
             new_hub_speed = (hoist + offset[2] - hub) / dt
             hub, acceleration, hub_speed = hoist + offset[2], (new_hub_speed - hub_speed) / dt, new_hub_speed
             ice_force, emerged_m3 = 0.0, 0.0
@@ -283,8 +284,9 @@ class PullUp:
             load += (pull - load) * dt / PRESSURE_MEMORY_S
             tension = weight - buoyancy + pull + inertia
             tilt = offset[:2] / 6.0  # the pole's length
-            log[step] = (tension, hoist, hoist_speed, command_mps[step], *(tension * tilt), weight, buoyancy, ice_force,
-                         inertia, extra, emerged_m3, hub)
+            if step >= 0:
+                log[step] = (tension, hoist, hoist_speed, command, *(tension * tilt), weight, buoyancy, ice_force, inertia,
+                             extra, emerged_m3, hub)
         rows = dict(zip(names, log.reshape(-1, SAMPLE_STEPS, len(names)).mean(axis=1).T))
         result = Result(
             time_s=(np.arange(steps // SAMPLE_STEPS) * SAMPLE_STEPS + 0.5 * (SAMPLE_STEPS - 1)) * dt,

@@ -21,7 +21,7 @@ Scenario softLift() {
 
 std::uint64_t hashAfterLift(const Scenario& s) {
   Simulation simulation(s);
-  simulation.advance(3.5);
+  simulation.advance(2.5);
   EXPECT_FALSE(simulation.frozen());
   return simulation.stateHash();
 }

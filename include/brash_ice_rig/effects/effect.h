@@ -114,10 +114,12 @@ class Effect {
   /// Once, before the first step.
   virtual void createField(FieldAtCreation& /*field*/) {}
 
-  /// The velocity that the crane is told to take, m/s; limits of speed, acceleration and travel come after.
+  /// The velocity that the crane is told to take, m/s; limits of speed, acceleration and travel come after. The rig is
+  /// as the last step left it.
   virtual void updateCraneVelocity(const RigNow& /*rig*/, Eigen::Vector3d& /*wanted_mps*/) {}
 
-  /// Adds its motion. The rig's velocity and position are still those of the last step.
+  /// Adds its motion for the time at the end of the step. The crane has moved; the hub is still where the last step's
+  /// motion puts it.
   virtual void updateSuspension(const RigNow& /*rig*/, Suspension& /*suspension*/) {}
 
   /// Adds forces on the rig, for its position and velocity of this step.

@@ -1,6 +1,8 @@
 #include "brash_ice_rig/material/scaled_strength.h"
 
 #include <cmath>
+#include <random>
+#include <string>
 
 #include <gtest/gtest.h>
 
@@ -16,6 +18,20 @@ CapModel makeSet1(bool damage) {
   ice.damage = damage;
   ice.gap_memory = damage;
   return CapModel(makeCapParameters(ice, 1.0e-3, 0.3));
+}
+
+/// The same surface written out: what ScaledStrength promises of alpha, X0, W, D1, D2 and the fracture energies.
+CapModel makeScaledSet1(bool damage, double m) {
+  CapParameters p = makeSet1(damage).parameters();
+  p.alpha_pa *= m;
+  p.initial_intercept_pa *= m;
+  p.max_compaction *= m;
+  p.d1_per_pa /= m;
+  p.d2_per_pa2 /= m * m;
+  p.damage.fracture_energy_compression_jpm2 *= m * m;
+  p.damage.fracture_energy_tension_jpm2 *= m * m;
+  p.damage.fracture_energy_shear_jpm2 *= m * m;
+  return CapModel(p);
 }
 
 /// Stress at the end of a confined shear from 200 Pa of pressure.
@@ -38,6 +54,33 @@ TEST(ScaledStrength, AtSurplusZeroIsTheOtherMaterialToTheLastBit) {
     same.strain(step);
     for (std::size_t c = 0; c < kComponents; ++c) ASSERT_EQ(plain.stress(c), same.stress(c));
     for (const std::string& name : base.stateNames()) ASSERT_EQ(plain.state(name), same.state(name)) << name;
+  }
+}
+
+TEST(ScaledStrength, IsTheCapModelWithScaledParametersAlongARandomPath) {
+  for (const bool damage : {false, true}) {
+    for (const double m : {0.5, 2.0, 4.0}) {
+      SCOPED_TRACE(std::string(damage ? "damage" : "no damage") + ", m = " + std::to_string(m));
+      const CapModel base = makeSet1(damage), direct = makeScaledSet1(damage, m);
+      const ScaledStrength scaled(base);
+      Element wanted(direct), element(scaled);
+      element.setState("strength_surplus", m - 1.0);
+      std::mt19937_64 generator(7);
+      std::array<double, kComponents> step{};
+      for (int k = 0; k < 600; ++k) {
+        if (k % 30 == 0) {
+          // The path turns: shear, pressure and tension, from within the surface to far beyond it.
+          for (double& strain : step) strain = 2.0e-5 * (static_cast<double>(generator() >> 11) * 0x1p-52 - 1.0);
+        }
+        wanted.strain(step);
+        element.strain(step);
+        for (std::size_t c = 0; c < kComponents; ++c) ASSERT_NEAR(element.stress(c), wanted.stress(c), 1.0) << k;
+      }
+      EXPECT_GT(wanted.state("plastic_strain"), 1e-3);
+      for (const std::string& name : base.stateNames()) {
+        EXPECT_NEAR(element.state(name), wanted.state(name), 1e-3 * std::abs(wanted.state(name)) + 1e-6) << name;
+      }
+    }
   }
 }
 

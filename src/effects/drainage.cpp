@@ -11,10 +11,10 @@ namespace {
 /// As a particle's share above the waterline grows by da, its pores take the water rho_w V_pore h da along. What was
 /// taken, w_0, then drains: exponential, w = w_0 exp(-t / tau), or by a square root, w = w_0 (1 - sqrt(t / tau)), which
 /// ends at tau. For water taken at several times the square-root law goes on from the age that the share left stands
-/// for: w / w_0 = 1 - q, q = sqrt(t / tau). Water below the waterline weighs nothing there; ice that sinks gives back
-/// what its pores hold. Voids that stood above the waterline from the start hold air.
-/// The two laws bracket drainage of a granular medium: Darcy flow out of a column with a free outlet starts as a
-/// square root of time and ends as an exponential (e.g. Bear 1972, Dynamics of Fluids in Porous Media, chapter 9).
+/// for: w / w_0 = 1 - q, q = sqrt(t / tau). Ice that sinks gives back the water of the part that sinks, which came out
+/// last and is wettest, so that ice that only bobs gains none. Voids above the waterline at the start hold air.
+/// The two laws bracket a column that drains freely: a diffusion of moisture starts as a square root of time; the
+/// exponential is what Youngs (1960, Journal of Geophysical Research 65) gives for drainage under gravity.
 class Drainage : public Effect {
  public:
   Drainage(const EffectValues& values, const Scenario& scenario)
@@ -45,14 +45,10 @@ class Drainage : public Effect {
           held_kg_[i] *= decay;
         }
       }
-      if (dry < before) {
-        taken_kg_[i] *= dry / before;
-        held_kg_[i] *= dry / before;
-      } else if (dry > before) {
-        const double taken = density_ * static_cast<double>(ice.pore_volume_m3[i]) * held_ratio_ * (dry - before);
-        taken_kg_[i] += taken;
-        held_kg_[i] += taken;
-      }
+      const double pores = density_ * static_cast<double>(ice.pore_volume_m3[i]) * held_ratio_;
+      const double taken = pores * (dry - before);  // < 0: given back, the freshest first
+      held_kg_[i] = std::max(held_kg_[i] + taken, 0.0);
+      taken_kg_[i] = held_kg_[i] > 0.0 ? std::max(taken_kg_[i] + taken, held_kg_[i]) : 0.0;
       changes.held_water_kg[i] = static_cast<float>(held_kg_[i]);
     }
   }

@@ -66,9 +66,26 @@ TEST(Drainage, WaterIsNeitherMadeNorKeptBelowTheWaterline) {
   ice.position[0].z() = 0.0;  // half of it sinks again
   ice.step(*drainage);
   EXPECT_NEAR(ice.changes.held_water_kg[0], 0.5 * kPoreWater, 1e-3);
+  ice.position[0].z() = 1.0;
+  ice.step(*drainage);
+  EXPECT_NEAR(ice.changes.held_water_kg[0], kPoreWater, 2e-3) << "and is wetted anew";
   ice.position[0].z() = -1.0;
   ice.step(*drainage);
   EXPECT_EQ(ice.changes.held_water_kg[0], 0.0f);
+}
+
+TEST(Drainage, IceThatBobsWetsOnlyTheBandThatItBobsIn) {
+  for (const double square_root : {0.0, 1.0}) {
+    const auto drainage =
+        makeEffect("drainage", {{"held_ratio", 1.0}, {"drain_time_s", 10.0}, {"square_root", square_root}});
+    IceBench ice(1);
+    ice.position[0].z() = 0.0;  // half of it stands in the air
+    for (int k = 0; k < 4000; ++k) {
+      ice.position[0].z() = k % 2 == 0 ? 0.0 : 0.001;
+      ice.step(*drainage);
+      ASSERT_LE(ice.changes.held_water_kg[0], kPoreWater * 0.001 / 0.3 * 1.0001);
+    }
+  }
 }
 
 TEST(Drainage, HeldWaterWeighsOnThePlug) {

@@ -37,7 +37,7 @@ EffectDescription describeFreezeBonds() {
   d.name = "freeze_bonds";
   d.mechanism = "blocks are frozen together until they slip";
   d.parameters = {
-      amplitude("strength_ratio", "1", 1.0, {0.0, 50.0}, {PriorKind::kHalfNormal, 0.0, 1.0}, true,
+      amplitude("strength_ratio", "1", 1.0, {0.0, 50.0}, {PriorKind::kHalfNormal, 0.0, 1.0}, false,
                 "strength of the bonds over that of the ice without them"),
       shape("slip_m", "m", 0.01, {1.0e-4, 0.5}, {PriorKind::kLogNormal, 0.01, 0.7},
             "slip between neighbouring blocks over which bonds are lost"),

@@ -84,6 +84,24 @@ TEST(Effects, WithAllAmplitudesAtZeroLeaveTheForceAsItIs) {
   }
 }
 
+TEST(Effects, OnTheReadingAloneLeaveTheTruthToTheLastBit) {
+  const auto truthAfterLift = [](const Scenario& s) {
+    Simulation simulation(s);
+    simulation.advance(1.5);
+    return simulation.snapshot().support_n;
+  };
+  const Eigen::Vector3d plain = truthAfterLift(softLift());
+  std::size_t count = 0;
+  for (const EffectDescription& effect : effectRegistry()) {
+    if (!effect.reading_only) continue;
+    ++count;
+    Scenario s = softLift();
+    enable(s, effect.name);
+    EXPECT_EQ(truthAfterLift(s), plain) << effect.name;
+  }
+  EXPECT_EQ(count, 4u);
+}
+
 TEST(Effects, AllTogetherGiveTheSameBitsForOneAndTwoThreadsAndForShortAdvances) {
   Scenario s = softLift();
   for (const EffectDescription& effect : effectRegistry()) enableWithinLift(s, effect.name);

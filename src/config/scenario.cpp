@@ -37,9 +37,10 @@ class RangeChecker {
 
   template <class Section>
   void section(const char* name, Section& section) {
-    section_ = std::string(name) + ".";
+    const std::string outer = section_;
+    section_ += std::string(name) + ".";
     section.visit(*this);
-    section_.clear();
+    section_ = outer;
   }
 
  private:
@@ -160,6 +161,19 @@ void checkCrane(const Scenario& scenario) {
   checkCraneHolds(scenario, liftEndHubHeight(scenario), "at the end of the lift");
 }
 
+void checkEffects(const Scenario& scenario) {
+  for (const EffectValues& effect : scenario.effects.all()) {
+    if (!effect.enabled) continue;
+    const EffectDescription& description = effect.description();
+    if (scenario.output.energy && !description.in_energy_balance) {
+      throw ConfigError("output.energy", "true",
+                        std::string("must be false with effects.") + description.name +
+                            ".enabled: the energy that this effect moves is not followed");
+    }
+    if (description.check) description.check(effect, scenario);
+  }
+}
+
 }  // namespace
 
 double sitesAlong(double length_m, double spacing_m) {
@@ -225,6 +239,7 @@ void Scenario::validate() const {
   checkCollector(*this);
   checkContact(contact);
   checkCrane(*this);
+  checkEffects(*this);
 }
 
 }  // namespace brash_ice_rig

@@ -8,6 +8,7 @@
 #include <limits>
 #include <map>
 #include <optional>
+#include <sstream>
 #include <type_traits>
 #include <utility>
 #include <vector>
@@ -100,7 +101,7 @@ std::string joinWords(const std::vector<std::string>& words) {
 
 /// A key tied to the member that it sets.
 struct Key {
-  std::string section;  ///< empty at the top level
+  std::string section;  ///< empty at the top level; "outer.inner" for a section in a section
   std::string name;
   std::string help;
   std::function<void(const Entry&)> read;
@@ -178,10 +179,11 @@ class KeyTable {
   }
   template <class Section>
   void section(const char* name, Section& section) {
-    sections_.push_back(name);
-    section_ = name;
+    const std::string outer = section_;
+    section_ = outer.empty() ? name : outer + "." + name;
+    sections_.push_back(section_);
     section.visit(*this);
-    section_.clear();
+    section_ = outer;
   }
 
  private:
@@ -190,7 +192,7 @@ class KeyTable {
     keys_.push_back({section_, std::move(name), std::move(help), std::move(read), std::move(write)});
   }
 
-  std::string section_;
+  std::string section_;  ///< the one being visited, with those around it
   std::vector<std::string> sections_;
   std::vector<Key> keys_;
 };
@@ -198,20 +200,25 @@ class KeyTable {
 // ---- unknown keys
 
 /// Nearest known key or section. The right name in a wrong section, or without one, counts as two wrong letters;
-/// letters that are wrong in it count twice, because short names all resemble each other.
+/// letters that are wrong in it count twice, because short names all resemble each other. Of several, the one whose
+/// whole name is nearest: the sections of effects have keys of the same name.
 std::string nearestName(const KeyTable& table, const std::string& unknown) {
   const std::string unknown_leaf = unknown.substr(unknown.rfind('.') + 1);
   std::string nearest;
-  int least = std::numeric_limits<int>::max();
-  const auto consider = [&](const std::string& candidate, int distance) {
-    if (distance >= least) return;
-    least = distance;
+  std::pair<int, int> least(std::numeric_limits<int>::max(), 0);
+  const auto consider = [&](const std::string& candidate, int distance, int whole_distance) {
+    if (std::make_pair(distance, whole_distance) >= least) return;
+    least = {distance, whole_distance};
     nearest = candidate;
   };
-  for (const std::string& section : table.sections()) consider(section, editDistance(unknown, section));
+  for (const std::string& section : table.sections()) {
+    const int distance = editDistance(unknown, section);
+    consider(section, distance, distance);
+  }
   for (const Key& key : table.keys()) {
     const int elsewhere = 2 + 2 * editDistance(unknown_leaf, key.name);
-    consider(key.fullName(), std::min(editDistance(unknown, key.fullName()), elsewhere));
+    const int distance = editDistance(unknown, key.fullName());
+    consider(key.fullName(), std::min(distance, elsewhere), distance);
   }
   return nearest;
 }
@@ -361,6 +368,23 @@ class Composer {
   std::map<std::string, std::pair<std::string, std::string>> overlay_values_;  ///< key to value and where
 };
 
+std::size_t sectionDepth(const std::string& section) {
+  return 1 + static_cast<std::size_t>(std::count(section.begin(), section.end(), '.'));
+}
+
+/// The lines that close one section and open another: `name:`, with those around it where they are new.
+std::string sectionHeads(const std::string& before, const std::string& section) {
+  std::string heads, outer;
+  std::istringstream names(section);
+  for (std::string name; std::getline(names, name, '.');) {
+    const std::string inner = outer.empty() ? name : outer + "." + name;
+    const bool open = before == inner || before.rfind(inner + ".", 0) == 0;
+    if (!open) heads += (outer.empty() ? "\n" : std::string(2 * sectionDepth(outer), ' ')) + name + ":\n";
+    outer = inner;
+  }
+  return heads;
+}
+
 }  // namespace
 
 Scenario loadScenario(const ScenarioSources& sources) {
@@ -390,10 +414,10 @@ std::string toYaml(const Scenario& scenario) {
   std::string section;
   for (const Key& key : table.keys()) {
     if (key.section != section) {
+      yaml += sectionHeads(section, key.section);
       section = key.section;
-      yaml += "\n" + section + ":\n";
     }
-    const std::string indent = section.empty() ? "" : "  ";
+    const std::string indent(section.empty() ? 0 : 2 * sectionDepth(section), ' ');
     const std::string value = key.write();
     yaml += value.empty() ? indent + "# " + key.name + " is not set: " + key.help + "\n"
                           : indent + key.name + ": " + value + "  # " + key.help + "\n";

@@ -8,9 +8,11 @@
 #include <optional>
 #include <vector>
 
+#include "brash_ice_rig/effects/effect.h"
 #include "brash_ice_rig/ice/ice_field.h"
 #include "brash_ice_rig/ice/ice_scaling.h"
 #include "brash_ice_rig/material/cap_model.h"
+#include "brash_ice_rig/material/scaled_strength.h"
 #include "brash_ice_rig/rig/collector.h"
 #include "brash_ice_rig/rig/contact.h"
 #include "brash_ice_rig/rig/crane.h"
@@ -58,21 +60,39 @@ SphSettings makeSphSettings(const Scenario& s, double density_kgpm3, double time
   return settings;
 }
 
+/// Inertia of a particle over that of the mean one, at least: lighter ones would need a smaller time step. The motion
+/// is so slow that inertia hardly counts; weight has no such bound.
+constexpr float kLeastInertia = 0.5f;
+
 /// The pole stands in the ice from the start: blocks in its way have been pushed aside to its surface.
-IceField makeFieldAroundRig(const Scenario& s) {
-  IceField field = makeIceField(s.field, iceDraft(s));
-  if (s.procedure.start == StartPose::kUnfoldedUnderIce) {
-    const double clearance = s.collector.pole_radius_m + 0.5 * s.field.spacing_m;
-    for (auto& p : field.position_m) {
-      const double distance = p.head<2>().norm();
-      if (distance >= clearance) continue;
-      // One on the axis goes between the lattice's directions: along x it could meet its neighbour.
-      const Eigen::Vector2d outward =
-          distance > 0.0 ? Eigen::Vector2d(p.head<2>() / distance) : Eigen::Vector2d(2.0, 1.0).normalized();
-      p.head<2>() = clearance * outward;
-    }
+void makeRoomForPole(const Scenario& s, IceField& field) {
+  if (s.procedure.start != StartPose::kUnfoldedUnderIce) return;
+  const double clearance = s.collector.pole_radius_m + 0.5 * s.field.spacing_m;
+  for (auto& p : field.position_m) {
+    const double distance = p.head<2>().norm();
+    if (distance >= clearance) continue;
+    // One on the axis goes between the lattice's directions: along x it could meet its neighbour.
+    const Eigen::Vector2d outward =
+        distance > 0.0 ? Eigen::Vector2d(p.head<2>() / distance) : Eigen::Vector2d(2.0, 1.0).normalized();
+    p.head<2>() = clearance * outward;
   }
-  return field;
+}
+
+/// The effects that a scenario has enabled, in the order in which they act.
+std::vector<std::unique_ptr<Effect>> makeEffects(const Scenario& s) {
+  std::vector<std::unique_ptr<Effect>> effects;
+  for (const EffectValues& values : s.effects.all()) {
+    if (values.enabled) effects.push_back(values.description().make(values, s));
+  }
+  return effects;
+}
+
+/// Whether an enabled effect has set this flag.
+bool anyEffect(const Scenario& s, bool EffectDescription::*flag) {
+  for (const EffectValues& values : s.effects.all()) {
+    if (values.enabled && values.description().*flag) return true;
+  }
+  return false;
 }
 
 const Scenario& validated(const Scenario& scenario) {
@@ -105,26 +125,58 @@ class Hash {
   std::uint64_t value_ = 14695981039346656037ull;
 };
 
+class StateHasher : public StateVisitor {
+ public:
+  explicit StateHasher(Hash& hash) : hash_(hash) {}
+  void operator()(const char*, double& value) override { hash_.add(&value, 1); }
+  void operator()(const char*, std::vector<double>& values) override { hash_.add(values); }
+  void operator()(const char*, std::vector<float>& values) override { hash_.add(values); }
+
+ private:
+  Hash& hash_;
+};
+
 }  // namespace
 
 struct Simulation::Impl {
   explicit Impl(const Scenario& s);
+  SphBody makeIce();
 
   void moveRig();
   void takeCommands();
   void updateForces();
+  void updateIce();
+  RigNow rigNow() const;
   RigInstant rigInstant() const;
+  const Material& law() const { return scaled_strength ? static_cast<const Material&>(*scaled_strength) : material; }
+  Eigen::Vector4f waterForce(std::size_t i) const;
+  /// Mass of ice over the mean particle's, and water in pores above the waterline, kg.
+  double solidRatio(std::size_t i) const {
+    return changes.solid_ratio.empty() ? 1.0 : static_cast<double>(changes.solid_ratio[i]);
+  }
+  double heldWater(std::size_t i) const {
+    return changes.held_water_kg.empty() ? 0.0 : static_cast<double>(changes.held_water_kg[i]);
+  }
   Eigen::Vector3d hubPosition() const;
+  Eigen::Vector3d hubVelocity() const;
   double time() const { return (static_cast<double>(step_count) - static_cast<double>(settle_steps)) * time_step; }
   double hubHeight() const { return hubPosition().z(); }
 
   Scenario scenario;
   double sample_period;
   CapModel material;
+  std::optional<ScaledStrength> scaled_strength;  ///< over the material, where an effect changes strength
   double density;
   std::uint64_t steps_per_sample;
   double time_step;
   std::uint64_t settle_steps;
+
+  std::vector<std::unique_ptr<Effect>> effects;
+  IceChanges changes;
+  std::vector<float> pore_volume;
+  double bottom_rise = 0.0;
+  Suspension suspension;
+  RigLoads loads;
 
   std::vector<Eigen::Vector3d> site;  ///< original positions
   SphBody ice;
@@ -159,18 +211,20 @@ Simulation::Impl::Impl(const Scenario& s)
     : scenario(validated(s)),
       sample_period(1.0 / s.load_cell.rate_hz),
       material(makeCapParameters(s.ice, s.solver.stiffness_scale, s.field.spacing_m)),
+      scaled_strength([&] {
+        std::optional<ScaledStrength> scaled;
+        if (anyEffect(s, &EffectDescription::changes_strength)) scaled.emplace(material);
+        return scaled;
+      }()),
       density(computeBulkDensity(s.ice.parent_density_kgpm3, s.ice.void_fraction)),
       steps_per_sample(countStepsPerSample(s, material, density)),
       time_step(sample_period / static_cast<double>(steps_per_sample)),
       settle_steps(0),
-      ice([&] {
-        IceField field = makeFieldAroundRig(s);
-        site = field.position_m;
-        return SphBody(makeSphSettings(s, density, time_step), material, field.position_m, field.fixed);
-      }()),
+      effects(makeEffects(s)),
+      ice(makeIce()),
       water(s.water, s.ice, s.field.spacing_m),
       collector(s.collector, s.procedure.start == StartPose::kUnfoldedUnderIce),
-      crane(s.crane, {0.0, 0.0, startHubHeight(s) + s.collector.pole_length_m}),
+      crane(s.crane, {0.0, 0.0, startHubHeight(s) + bottom_rise + s.collector.pole_length_m}),
       contact(s.contact, s.collector, material.bulkModulus(), s.field.spacing_m, ice.particleMass(), ice.size()),
       load_cell(s.load_cell),
       procedure(s.procedure, lowestHubHeight(s)),
@@ -180,11 +234,102 @@ Simulation::Impl::Impl(const Scenario& s)
       steps_per_sample * static_cast<std::uint64_t>(std::llround(s.procedure.settle_duration_s / sample_period));
   updateForces();
   load_cell.sample();
-  if (s.output.energy) audit.emplace(time_step, ice, material, water, contact, rigInstant());
+  updateIce();
+  if (s.output.energy) audit.emplace(time_step, ice, law(), water, contact, rigInstant());
 }
 
+/// Field and body, as the enabled effects shape them.
+SphBody Simulation::Impl::makeIce() {
+  IceField field = makeIceField(scenario.field, iceDraft(scenario));
+  const std::size_t count = field.position_m.size();
+  const bool mass_varies = anyEffect(scenario, &EffectDescription::changes_mass);
+  if (scaled_strength) changes.strength_ratio.assign(count, 1.0f);
+  if (mass_varies) {
+    changes.solid_ratio.assign(count, 1.0f);
+    changes.held_water_kg.assign(count, 0.0f);
+  }
+  std::vector<float> volume_ratio = changes.solid_ratio;
+  FieldAtCreation creation{scenario, field.position_m, volume_ratio, changes.solid_ratio};
+  for (const auto& effect : effects) effect->createField(creation);
+  bottom_rise = creation.bottom_rise_m;
+  makeRoomForPole(scenario, field);
+  site = field.position_m;
+
+  const SphSettings settings = makeSphSettings(scenario, density, time_step);
+  SphBody body(settings, law(), field.position_m, field.fixed);
+  if (mass_varies) {
+    const double solid = 1.0 - scenario.ice.void_fraction;
+    for (std::size_t i = 0; i < count; ++i) {
+      const auto volume = static_cast<double>(volume_ratio[i]), ice_share = static_cast<double>(changes.solid_ratio[i]);
+      body.setVolume(i, volume * settings.particle_volume_m3);
+      pore_volume.push_back(static_cast<float>((volume - ice_share * solid) * settings.particle_volume_m3));
+    }
+    body.inertiaRatio().assign(count, 1.0f);
+  }
+  return body;
+}
+
+/// Of the crane tip alone where no effect moves it: a sum with zero could still turn the sign of a zero.
 Eigen::Vector3d Simulation::Impl::hubPosition() const {
-  return crane.position() - Eigen::Vector3d(0.0, 0.0, scenario.collector.pole_length_m);
+  const Eigen::Vector3d of_crane = crane.position() - Eigen::Vector3d(0.0, 0.0, scenario.collector.pole_length_m);
+  if (effects.empty()) return of_crane;
+  return of_crane + suspension.point.position_m + suspension.stretch.position_m;
+}
+
+Eigen::Vector3d Simulation::Impl::hubVelocity() const {
+  if (effects.empty()) return crane.velocity();
+  return crane.velocity() + suspension.point.velocity_mps + suspension.stretch.velocity_mps;
+}
+
+Eigen::Vector4f Simulation::Impl::waterForce(std::size_t i) const {
+  Eigen::Vector4f force = water.force(static_cast<float>(ice.position()[i].z()), ice.velocity()[i]);
+  if (changes.solid_ratio.empty()) return force;
+  force *= changes.solid_ratio[i];
+  force.z() -= static_cast<float>(kGravityMps2) * changes.held_water_kg[i];
+  return force;
+}
+
+RigNow Simulation::Impl::rigNow() const {
+  RigNow rig;
+  rig.time_s = time();
+  rig.time_step_s = time_step;
+  rig.crane_velocity_mps = crane.velocity();
+  rig.crane_acceleration_mps2 = crane.acceleration();
+  rig.hub_position_m = hubPosition();
+  rig.hub_velocity_mps = hubVelocity();
+  rig.arm_angle_rad = collector.armAngle();
+  rig.mass_kg = collector.mass();
+  rig.weight_n = collector.weight();
+  rig.buoyancy_n = collector.buoyancy(hubHeight(), scenario.water.density_kgpm3);
+  rig.tension_n = support.z();
+  rig.ice_force_n = contact_sum.total();
+  rig.load_n = loads.force_n;
+  rig.added_mass_kg = loads.added_mass_kg;
+  return rig;
+}
+
+/// Lets the effects change the ice for the next step.
+void Simulation::Impl::updateIce() {
+  const bool strength = !changes.strength_ratio.empty(), mass = !changes.solid_ratio.empty();
+  if (!strength && !mass) return;
+  const auto names = law().stateNames();
+  const auto plastic = std::find(names.begin(), names.end(), "plastic_strain") - names.begin();
+  std::fill(changes.strength_ratio.begin(), changes.strength_ratio.end(), 1.0f);
+  const IceNow now{
+      time(),      time_step,          site,  ice.position(), ice.state()[static_cast<std::size_t>(plastic)],
+      pore_volume, ice.particleMass(), water, hubPosition()};
+  for (const auto& effect : effects) effect->updateIce(now, changes);
+  if (strength) {
+    std::vector<float>& surplus = ice.state(0);
+    for (std::size_t i = 0; i < surplus.size(); ++i) surplus[i] = changes.strength_ratio[i] - 1.0f;
+  }
+  if (mass) {
+    std::vector<float>& inertia = ice.inertiaRatio();
+    const float water_share = 1.0f / static_cast<float>(ice.particleMass());
+    for (std::size_t i = 0; i < inertia.size(); ++i) {
+      inertia[i] = std::max(changes.solid_ratio[i], kLeastInertia) + water_share * changes.held_water_kg[i];
+    }
+  }
 }
 
 void Simulation::Impl::takeCommands() {
@@ -223,18 +368,25 @@ void Simulation::Impl::takeCommands() {
 }
 
 void Simulation::Impl::updateForces() {
-  contact_sum = contact.update(time_step, ice, collector, hubPosition(), crane.velocity());
+  contact_sum = contact.update(time_step, ice, collector, hubPosition(), hubVelocity());
   if (contact_sum.deepest_m > kSaturatedPenetration * contact.offset()) flags.set(StatusFlag::kContactSaturated);
   support = collector.mass() * crane.acceleration() - contact_sum.total();
   support.z() += collector.weight() - collector.buoyancy(hubHeight(), scenario.water.density_kgpm3);
+  if (!effects.empty()) {
+    const Eigen::Vector3d moved = suspension.point.acceleration_mps2 + suspension.stretch.acceleration_mps2;
+    support += collector.mass() * moved + loads.added_mass_kg * (crane.acceleration() + moved) - loads.force_n;
+    if (suspension.tension_n) support.z() = *suspension.tension_n;
+  }
   if (support.z() < 0.0) flags.set(StatusFlag::kHoistSlack);
-  load_cell.step(time_step, support);
+  Eigen::Vector3d sensed = support;
+  for (const auto& effect : effects) effect->updateReading(time(), time_step, sensed);
+  load_cell.step(time_step, sensed);
 }
 
 RigInstant Simulation::Impl::rigInstant() const {
   RigInstant rig;
-  rig.position_m = crane.position();
-  rig.velocity_mps = crane.velocity();
+  rig.position_m = crane.position() + suspension.point.position_m;
+  rig.velocity_mps = hubVelocity();
   rig.support_n = support;
   rig.arm_angle_rad = collector.armAngle();
   rig.mass_kg = collector.mass();
@@ -250,7 +402,9 @@ void Simulation::Impl::moveRig() {
   frozen = !ice.sound();
   if (frozen) return;
   Eigen::Vector3d wanted = Eigen::Vector3d::Zero();
-  const Procedure::Order order = procedure.step(time(), time_step, crane, collector, hubHeight());
+  // Whoever drives the crane sees how much rope is out, not what effects add below.
+  const double height_of_crane = crane.position().z() - scenario.collector.pole_length_m;
+  const Procedure::Order order = procedure.step(time(), time_step, crane, collector, height_of_crane);
   if (procedure.stage() == Stage::kManual) {
     const double age = static_cast<double>(step_count - command_step) * time_step;
     if (age <= scenario.crane.command_timeout_s) {
@@ -264,6 +418,7 @@ void Simulation::Impl::moveRig() {
   // A fold command comes only once, so that one from the time of settling has to be kept until it counts.
   if (scenario.procedure.control == ControlMode::kScripted) fold_target = order.fold_target;
   const double fold_order = procedure.stage() == Stage::kManual ? fold_target : order.fold_target;
+  for (const auto& effect : effects) effect->updateCraneVelocity(rigNow(), wanted);
   crane.step(time_step, wanted, flags);
   collector.step(time_step, fold_order, contact_sum.opening_moment_nm, flags);
   ++step_count;
@@ -271,7 +426,15 @@ void Simulation::Impl::moveRig() {
   // What the rig may touch soon stays awake.
   const Eigen::Vector3d hub = hubPosition();
   ice.keepAwake(hub.head<2>(), collector.armLength() + 2.0 * scenario.field.spacing_m);
+  if (!effects.empty()) {
+    Suspension moved;
+    for (const auto& effect : effects) effect->updateSuspension(rigNow(), moved);
+    suspension = moved;
+    loads = RigLoads();
+    for (const auto& effect : effects) effect->addRigLoads(rigNow(), loads);
+  }
   updateForces();
+  updateIce();
   if (audit) audit->observeRig(rigInstant());
   if (step_count % steps_per_sample == 0) load_cell.sample();
 }
@@ -329,8 +492,7 @@ StepReport Simulation::advance(double duration_s) {
   world.flags = StatusFlags();
 
   const auto external = [&world](std::size_t i) -> Eigen::Vector4f {
-    return world.water.force(static_cast<float>(world.ice.position()[i].z()), world.ice.velocity()[i]) +
-           world.contact.force(i);
+    return world.waterForce(i) + world.contact.force(i);
   };
   // One team for all steps: opening one costs more than a barrier.
 #pragma omp parallel num_threads(world.scenario.solver.threads)
@@ -378,8 +540,8 @@ Snapshot Simulation::snapshot() const {
   snapshot.ice_force_n = world.contact_sum.total();
   snapshot.flags = world.flags;
 
-  snapshot.rig.crane_position_m = world.crane.position();
-  snapshot.rig.crane_velocity_mps = world.crane.velocity();
+  snapshot.rig.crane_position_m = world.crane.position() + world.suspension.point.position_m;
+  snapshot.rig.crane_velocity_mps = world.crane.velocity() + world.suspension.point.velocity_mps;
   snapshot.rig.commanded_velocity_mps = world.crane.commanded();
   snapshot.rig.hoist_position_m = world.hubHeight();
   snapshot.rig.fold_ratio = world.collector.foldRatio();
@@ -393,19 +555,23 @@ Snapshot Simulation::snapshot() const {
   c.ice_normal_n = 0.0 - world.contact_sum.normal_n.z();  // not -0 where there is no ice
   c.ice_friction_n = 0.0 - world.contact_sum.friction_n.z();
   c.inertia_n = world.collector.mass() * world.crane.acceleration().z();
+  if (!world.effects.empty()) {
+    c.inertia_n = world.support.z() - (c.weight_n - c.buoyancy_n + c.ice_normal_n + c.ice_friction_n);
+  }
   snapshot.support_n = world.support;
   snapshot.tension_n = world.support.z();
 
   double speed_squared_sum = 0.0;
   for (std::size_t i = 0; i < world.ice.size(); ++i) {
     const Eigen::Vector4f& velocity = world.ice.velocity()[i];
-    speed_squared_sum += static_cast<double>(velocity.squaredNorm());
+    const double solid = world.solidRatio(i);
+    speed_squared_sum += solid * static_cast<double>(velocity.squaredNorm());
     const Eigen::Vector3d& position = world.ice.position()[i];
     if (!isRaised(world.site[i], position, world.scenario.field.spacing_m, world.hubHeight())) continue;
     const float submerged = world.water.submerged(static_cast<float>(position.z()));
-    c.plug_gravity_n += static_cast<double>(world.water.weight());
-    c.plug_buoyancy_n += static_cast<double>(world.water.buoyancy(submerged));
-    c.plug_drag_n -= static_cast<double>(world.water.drag(velocity, submerged).z());
+    c.plug_gravity_n += solid * static_cast<double>(world.water.weight()) + kGravityMps2 * world.heldWater(i);
+    c.plug_buoyancy_n += solid * static_cast<double>(world.water.buoyancy(submerged));
+    c.plug_drag_n -= solid * static_cast<double>(world.water.drag(velocity, submerged).z());
   }
   c.plug_friction_n = c.ice_normal_n + c.ice_friction_n - (c.plug_gravity_n - c.plug_buoyancy_n + c.plug_drag_n);
   snapshot.kinetic_energy_j = 0.5 * world.ice.particleMass() * speed_squared_sum;
@@ -433,7 +599,7 @@ ParticleCloud Simulation::particles() const {
     cloud.pressure_pa.push_back(-(stress[0][i] + stress[1][i] + stress[2][i]) / 3.0f);
     cloud.submerged.push_back(world.water.submerged(position.z()));
   }
-  const auto names = world.material.stateNames();
+  const auto names = world.law().stateNames();
   const auto state = [&](const char* name) {
     const auto found = std::find(names.begin(), names.end(), name);
     return found == names.end() ? std::vector<float>(count, 0.0f)
@@ -445,8 +611,17 @@ ParticleCloud Simulation::particles() const {
 }
 
 PlugSummary Simulation::plug() const {
-  return computePlug(impl_->site, impl_->ice.position(), impl_->scenario.field.spacing_m, impl_->ice.particleMass(),
-                     impl_->hubHeight());
+  const Impl& world = *impl_;
+  const double spacing = world.scenario.field.spacing_m;
+  PlugSummary plug =
+      computePlug(world.site, world.ice.position(), spacing, world.ice.particleMass(), world.hubHeight());
+  if (world.changes.solid_ratio.empty()) return plug;
+  plug.lifted_mass_kg = 0.0;
+  for (std::size_t i = 0; i < world.ice.size(); ++i) {
+    if (!isRaised(world.site[i], world.ice.position()[i], spacing, world.hubHeight())) continue;
+    plug.lifted_mass_kg += world.ice.particleMass() * world.solidRatio(i);
+  }
+  return plug;
 }
 
 std::uint64_t Simulation::stateHash() const {
@@ -465,6 +640,10 @@ std::uint64_t Simulation::stateHash() const {
   hash.add(world.contact_sum.normal_n.data(), 3);
   hash.add(world.contact_sum.friction_n.data(), 3);
   hash.add(world.load_cell.reading().data(), 3);
+  hash.add(world.changes.solid_ratio);
+  hash.add(world.changes.held_water_kg);
+  StateHasher hasher(hash);
+  for (const auto& effect : world.effects) effect->visitState(hasher);
   return hash.value();
 }
 

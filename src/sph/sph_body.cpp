@@ -64,6 +64,11 @@ void SphBody::setStress(std::size_t i, const std::array<float, kComponents>& str
   for (std::size_t c = 0; c < kComponents; ++c) stress_[c][i] = stress_pa[c];
 }
 
+void SphBody::setVolume(std::size_t i, double volume_m3) {
+  volume_[i] = static_cast<float>(volume_m3);
+  cached_volume_[i] = volume_[i];
+}
+
 void SphBody::updateGradients() {
   const bool first = candidates_.row_begin.empty();
   if (!first && unchecked_way_ < kUncheckedShare * settings_.refresh_distance_m) return;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include <gtest/gtest.h>
+#include <yaml-cpp/yaml.h>
 
 #include "brash_ice_rig/config/scenario_reader.h"
 
@@ -33,6 +34,14 @@ inline std::string writeFile(const std::string& name, const std::string& content
   const std::string path = ::testing::TempDir() + test->test_suite_name() + "_" + test->name() + "_" + name;
   std::ofstream(path, std::ios::binary) << content;
   return path;
+}
+
+/// The value of a key, however deep its section; not defined where the document lacks it.
+inline YAML::Node valueAt(const YAML::Node& document, const std::string& key) {
+  const auto dot = key.find('.');
+  const YAML::Node value = document[key.substr(0, dot)];
+  if (dot == std::string::npos || !value.IsDefined()) return value;
+  return valueAt(value, key.substr(dot + 1));
 }
 
 /// What the user gets to read; fails the test if nothing was refused.

@@ -49,9 +49,10 @@ class KeyLister {
   }
   template <class Section>
   void section(const char* name, Section& section) {
-    section_ = std::string(name) + ".";
+    const std::string outer = section_;
+    section_ += std::string(name) + ".";
     section.visit(*this);
-    section_.clear();
+    section_ = outer;
   }
 
  private:

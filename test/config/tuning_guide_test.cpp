@@ -20,9 +20,7 @@ TEST(TuningGuide, HasARowForEachKeyWithItsDefault) {
   const std::string guide((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
   const YAML::Node defaults = YAML::Load(toYaml(Scenario{}));
   for (const auto& [key, exact] : KeyLister{Scenario{}}.values) {
-    const auto dot = key.find('.');
-    const YAML::Node value =
-        dot == std::string::npos ? defaults[key] : defaults[key.substr(0, dot)][key.substr(dot + 1)];
+    const YAML::Node value = valueAt(defaults, key);
     const std::string shown = value.IsDefined() ? value.Scalar() : "eq. 10";
     EXPECT_NE(guide.find("\n| `" + key + "` | " + shown + " |"), std::string::npos) << key << ", default " << shown;
   }

@@ -1,30 +1,20 @@
 #pragma once
 
 #include <cstdint>
-#include <limits>
 #include <optional>
 #include <string>
 
+#include "brash_ice_rig/config/range.h"
+#include "brash_ice_rig/effects/effect_registry.h"
+
 namespace brash_ice_rig {
-
-/// Allowed interval of a numeric key; an open bound is itself not allowed.
-struct Range {
-  double min = -std::numeric_limits<double>::max();
-  double max = std::numeric_limits<double>::max();
-  bool min_open = false;
-  bool max_open = false;
-
-  /// NaN and infinity are never contained.
-  bool contains(double value) const {
-    return (min_open ? value > min : value >= min) && (max_open ? value < max : value <= max);
-  }
-};
 
 // Every section below lists its keys once, in visit(). Reader, range check, writer of the effective
 // scenario, `brash_ice check` and the tests that feed bad values all walk that list:
 //   v(name, member, Range, text)            number (double, int, std::uint64_t, std::optional<double>)
 //   v(name, member, text)                   bool, std::string
 //   v(name, member, {"word", ...}, text)    enum, in the order of its enumerators
+//   v.section(name, member)                 section; may hold sections itself
 // Defaults are the paper's simulation B-1 where the paper states a value.
 
 /// Box of brash ice, cut into a lattice of particles (Table 3 of the paper).
@@ -323,6 +313,7 @@ struct Scenario {
   ProcedureConfig procedure;
   SolverConfig solver;
   OutputConfig output;
+  EffectsConfig effects;  ///< what the baseline lacks, all off
 
   template <class Visitor>
   void visit(Visitor& v) {
@@ -337,6 +328,7 @@ struct Scenario {
     v.section("procedure", procedure);
     v.section("solver", solver);
     v.section("output", output);
+    v.section("effects", effects);
   }
 
   /// Checks each key's range and the rules that tie keys together (a collector larger than the field, a particle

@@ -27,8 +27,9 @@ struct ForceBalance {
   double buoyancy_n = 0.0;       ///< of collector and pole, > 0
   double ice_normal_n = 0.0;     ///< ice on net and pole, normal part, > 0 down
   double ice_friction_n = 0.0;   ///< ice on net and pole, tangential part, > 0 down
-  double inertia_n = 0.0;        ///< mass of collector and pole times upward acceleration
-  double plug_gravity_n = 0.0;   ///< weight of the raised ice, > 0
+  double inertia_n = 0.0;        ///< mass of collector and pole times upward acceleration; with effects, what the
+                                 ///< other terms leave, so that drag and added mass of the collector are in it
+  double plug_gravity_n = 0.0;   ///< weight of the raised ice and of water that it holds, > 0
   double plug_buoyancy_n = 0.0;  ///< buoyancy of the raised ice, > 0
   double plug_drag_n = 0.0;      ///< water drag on the raised ice, > 0 when it opposes lifting
   double plug_friction_n = 0.0;  ///< see above, > 0 when it adds to the load

@@ -88,7 +88,8 @@ class SphBody {
       for (std::size_t i = active_.awake()[run].begin; i < active_.awake()[run].end; ++i) {
         if (sampling) active_.sampleStress(i, stress_);
         if (fixed_[i]) continue;
-        const Eigen::Vector4f velocity = velocity_[i] * decay + dt_over_mass * (force_[i] + external(i));
+        const float push = inertia_ratio_.empty() ? dt_over_mass : dt_over_mass / inertia_ratio_[i];
+        const Eigen::Vector4f velocity = velocity_[i] * decay + push * (force_[i] + external(i));
         const float speed_squared = velocity.head<3>().squaredNorm();
         if (!(speed_squared < kFastest * kFastest)) {  // written so that NaN is caught too
           sound = false;
@@ -179,6 +180,18 @@ class SphBody {
   void setVelocity(std::size_t i, const Eigen::Vector3d& velocity_mps);
   /// Sets the stress of a particle, Pa. For initial conditions.
   void setStress(std::size_t i, const std::array<float, kComponents>& stress_pa);
+  /// Sets the volume of a particle, m³, > 0. For initial conditions, before the first updateGradients().
+  void setVolume(std::size_t i, double volume_m3);
+
+  /// Inertia of each particle over particleMass(), > 0; empty: 1 for all. May be changed between steps.
+  std::vector<float>& inertiaRatio() {
+    return inertia_ratio_;
+  }
+  /// The array of one of the material's states, to be changed between steps.
+  /// @param k  its place in stateNames()
+  std::vector<float>& state(std::size_t k) {
+    return state_[k];
+  }
 
  private:
   SphRows rows();
@@ -206,6 +219,7 @@ class SphBody {
   std::vector<std::vector<float>> state_;
   std::vector<float> volume_;
   std::vector<char> fixed_;
+  std::vector<float> inertia_ratio_;
 
   std::array<std::vector<float>, kComponents> strain_increment_;
   std::vector<CorrectedStress> corrected_stress_;

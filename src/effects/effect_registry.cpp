@@ -1,0 +1,182 @@
+#include "brash_ice_rig/effects/effect_registry.h"
+
+#include <stdexcept>
+#include <utility>
+
+#include "brash_ice_rig/effects/effect.h"
+
+namespace brash_ice_rig {
+
+// The effects of the library, one line each, in the order in which they act. Each is described in src/effects/, by a
+// function describe<Name>(). What moves the suspension point comes before the rope under it; in the load cell, lag and
+// scale come before what is added to their result.
+#define BRASH_ICE_FOR_EACH_EFFECT(X) \
+  X(PorosityGradient)                \
+  X(ThicknessField)                  \
+  X(FreezeBonds)                     \
+  X(Refreezing)                      \
+  X(RateDependence)                  \
+  X(Drainage)                        \
+  X(BlockDrop)                       \
+  X(CraneSpeed)                      \
+  X(VesselHeave)                     \
+  X(PoleTilt)                        \
+  X(CollectorHydrodynamics)          \
+  X(Compliance)                      \
+  X(LoadCellLag)                     \
+  X(LoadCellScale)                   \
+  X(LoadCellDrift)                   \
+  X(LoadCellBias)
+
+#define BRASH_ICE_DECLARE(Name) EffectDescription describe##Name();
+BRASH_ICE_FOR_EACH_EFFECT(BRASH_ICE_DECLARE)
+#undef BRASH_ICE_DECLARE
+
+namespace {
+
+std::deque<EffectDescription>& registry() {
+#define BRASH_ICE_LIST(Name) describe##Name(),
+  static std::deque<EffectDescription> effects = {BRASH_ICE_FOR_EACH_EFFECT(BRASH_ICE_LIST)};
+#undef BRASH_ICE_LIST
+  return effects;
+}
+
+}  // namespace
+
+const char* priorName(PriorKind kind) {
+  switch (kind) {
+    case PriorKind::kNone:
+      return "none";
+    case PriorKind::kUniform:
+      return "uniform";
+    case PriorKind::kNormal:
+      return "normal";
+    case PriorKind::kLogNormal:
+      return "log_normal";
+    case PriorKind::kHalfNormal:
+      return "half_normal";
+  }
+  return "unknown";
+}
+
+EffectParameter amplitude(const char* name, const char* unit, double default_value, const Range& range,
+                          const Prior& prior, bool linear, const char* text) {
+  EffectParameter p = shape(name, unit, default_value, range, prior, text);
+  p.role = ParameterRole::kAmplitude;
+  p.linear = linear;
+  return p;
+}
+
+EffectParameter shape(const char* name, const char* unit, double default_value, const Range& range, const Prior& prior,
+                      const char* text) {
+  EffectParameter p = setting(name, unit, default_value, range, text);
+  p.role = ParameterRole::kShape;
+  p.prior = prior;
+  return p;
+}
+
+EffectParameter setting(const char* name, const char* unit, double default_value, const Range& range,
+                        const char* text) {
+  EffectParameter p;
+  p.name = name;
+  p.unit = unit;
+  p.default_value = default_value;
+  p.range = range;
+  p.text = text;
+  return p;
+}
+
+EffectParameter wholeSetting(const char* name, double default_value, const Range& range, const char* text) {
+  EffectParameter p = setting(name, "1", default_value, range, text);
+  p.kind = EffectParameter::Kind::kWhole;
+  return p;
+}
+
+EffectParameter switchSetting(const char* name, bool default_value, const char* text) {
+  EffectParameter p = setting(name, "", default_value ? 1.0 : 0.0, Range{0.0, 1.0}, text);
+  p.kind = EffectParameter::Kind::kSwitch;
+  return p;
+}
+
+const std::deque<EffectDescription>& effectRegistry() {
+  return registry();
+}
+
+void registerEffect(EffectDescription description) {
+  const std::string name = description.name;
+  if (name.empty() || name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") != std::string::npos) {
+    throw std::invalid_argument("effect name `" + name + "` must be made of a-z, 0-9 and _");
+  }
+  for (const EffectDescription& other : registry()) {
+    if (name == other.name) throw std::invalid_argument("there is an effect " + name + " already");
+  }
+  if (!description.make) throw std::invalid_argument("effect " + name + " has no `make`");
+  registry().push_back(std::move(description));
+}
+
+EffectValues::EffectValues(const EffectDescription& description) : description_(&description) {
+  for (const EffectParameter& p : description.parameters) {
+    Value value;
+    value.number = p.default_value;
+    values_.push_back(value);
+    set(p.name, p.default_value);
+  }
+}
+
+std::size_t EffectValues::indexOf(const std::string& name) const {
+  for (std::size_t i = 0; i < values_.size(); ++i) {
+    if (name == description_->parameters[i].name) return i;
+  }
+  throw std::out_of_range(std::string("effect ") + description_->name + " has no parameter " + name);
+}
+
+double EffectValues::operator[](const std::string& name) const {
+  const std::size_t i = indexOf(name);
+  switch (description_->parameters[i].kind) {
+    case EffectParameter::Kind::kWhole:
+      return static_cast<double>(values_[i].whole);
+    case EffectParameter::Kind::kSwitch:
+      return values_[i].on ? 1.0 : 0.0;
+    case EffectParameter::Kind::kNumber:
+      break;
+  }
+  return values_[i].number;
+}
+
+void EffectValues::set(const std::string& name, double value) {
+  const std::size_t i = indexOf(name);
+  values_[i].number = value;
+  values_[i].whole = value >= 0.0 ? static_cast<std::uint64_t>(value) : 0;
+  values_[i].on = value != 0.0;
+}
+
+EffectsConfig::EffectsConfig() {
+  for (const EffectDescription& description : registry()) effects_.emplace_back(description);
+}
+
+EffectValues& EffectsConfig::operator[](const std::string& name) {
+  for (EffectValues& effect : effects_) {
+    if (name == effect.description().name) return effect;
+  }
+  throw std::out_of_range("there is no effect " + name);
+}
+
+Fade computeFade(double u) {
+  if (u <= 0.0) return {0.0, 0.0, 0.0};
+  if (u >= 1.0) return {1.0, 0.0, 0.0};
+  return {u * u * u * (10.0 + u * (6.0 * u - 15.0)), 30.0 * u * u * (u - 1.0) * (u - 1.0),
+          60.0 * u * (1.0 + u * (2.0 * u - 3.0))};
+}
+
+Motion fadeIn(const Motion& path, double time_s) {
+  const Fade fade = computeFade(time_s / kFadeInS);
+  const double slope = fade.slope / kFadeInS, curvature = fade.curvature / (kFadeInS * kFadeInS);
+  Motion motion;
+  motion.position_m = fade.value * path.position_m;
+  motion.velocity_mps = fade.value * path.velocity_mps + slope * path.position_m;
+  motion.acceleration_mps2 =
+      fade.value * path.acceleration_mps2 + 2.0 * slope * path.velocity_mps + curvature * path.position_m;
+  return motion;
+}
+
+}  // namespace brash_ice_rig

@@ -80,6 +80,7 @@ TEST(RunSummary, JsonHasTheKeysThatOthersRead) {
                                          "wall_s",
                                          "real_time_factor",
                                          "ns_per_particle_step",
+                                         "active_ratio",
                                          "particle_count",
                                          "step_count",
                                          "dt_s",

@@ -82,13 +82,21 @@ void SphBody::updateGradients() {
     // where supports have grown, and until the next look.
     const double used =
         std::sqrt(farthest_squared_) + (longest_ - longest_at_search_) + kUncheckedShare * settings_.refresh_distance_m;
-    const bool all_due = (first || 2.0 * used >= settings_.skin_m) && !search();
-    if (all_due || any_moved_) listDueRows(all_due);
+    if (first || 2.0 * used >= settings_.skin_m) search();
+    if (first) {
+      listAllRows();  // there is room for none until their lengths are known
+    } else if (any_moved_) {
+      listDueRows();
+    }
     any_moved_ = false;
     farthest_squared_ = 0.0;
   }
-#pragma omp for schedule(static)
-  for (std::size_t k = 0; k < due_.size(); ++k) refreshRow(due_[k]);
+  refreshDueRows();
+  if (!row_overflows_) return;
+#pragma omp barrier
+#pragma omp single
+  makeRoomForRows();
+  refreshDueRows();
 }
 
 /// Who has left its reference, and how far particles have gone since the candidates were found.
@@ -137,9 +145,8 @@ void SphBody::takeReferences() {
   }
 }
 
-/// Finds the candidates where the references are.
-/// @return whether rows that hold their neighbours may stay as they are
-bool SphBody::search() {
+/// Finds the candidates where the references are. Rows hold their neighbours already and stay as they are.
+void SphBody::search() {
   if (settings_.variable_smoothing_length) {
     longest_ = *std::max_element(smoothing_length_.begin(), smoothing_length_.end());
   }
@@ -147,25 +154,33 @@ bool SphBody::search() {
   active_.setNeighbours(candidates_);
   searched_position_ = reference_;
   longest_at_search_ = longest_;
+  longest_row_ = 0;
+  for (std::size_t i = 0; i < size(); ++i) {
+    longest_row_ = std::max(longest_row_, candidates_.row_begin[i + 1] - candidates_.row_begin[i]);
+  }
+}
 
-  // The kernel writes one entry beyond those that it keeps.
-  const auto needed = [this](std::size_t i) {
-    return (candidates_.row_begin[i + 1] - candidates_.row_begin[i]) / PairBlock::kPairs + 1;
-  };
-  bool fits = true;
-  for (std::size_t i = 0; i < size(); ++i) fits = fits && needed(i) <= block_begin_[i + 1] - block_begin_[i];
-  if (fits) return true;
-  // With room for a denser packing, so that this is seldom done again.
-  for (std::size_t i = 0; i < size(); ++i) block_begin_[i + 1] = block_begin_[i] + needed(i) + needed(i) / 4;
+/// Packs the rows: what lies between them would be read along with them. One block is left free in each for ice that is
+/// compacted, so that this is seldom done again.
+void SphBody::makeRoomForRows() {
+  for (std::size_t i = 0; i < size(); ++i) {
+    block_begin_[i + 1] = block_begin_[i] + static_cast<std::size_t>(block_count_[i]) + 1;
+  }
   blocks_.resize(block_begin_.back());
-  return false;
+  listAllRows();
+  row_overflows_ = false;
+}
+
+void SphBody::listAllRows() {
+  due_.resize(size());
+  for (std::size_t i = 0; i < size(); ++i) due_[i] = i;
 }
 
 /// A row depends on the references of its particle and of its neighbours alone: both rows of a pair hold the same
 /// gradient at any time, whichever of them was refreshed.
-void SphBody::listDueRows(bool all) {
-  std::fill(listed_.begin(), listed_.end(), all ? 1 : 0);
-  for (std::size_t i = 0; i < size() && !all; ++i) {
+void SphBody::listDueRows() {
+  std::fill(listed_.begin(), listed_.end(), 0);
+  for (std::size_t i = 0; i < size(); ++i) {
     if (moved_[i] < kTakenAlong) continue;
     listed_[i] = 1;
     forCandidates(i, [this](std::size_t j) { listed_[j] = 1; });
@@ -175,16 +190,32 @@ void SphBody::listDueRows(bool all) {
   }
 }
 
-void SphBody::refreshRow(std::size_t i) {
+void SphBody::refreshDueRows() {
+  // The kernel writes one entry beyond those that it keeps.
+  std::vector<PairBlock> row(longest_row_ / PairBlock::kPairs + 1);
+  bool overflows = false;
+#pragma omp for schedule(static) nowait
+  for (std::size_t k = 0; k < due_.size(); ++k) overflows = !refreshRow(due_[k], row.data()) || overflows;
+#pragma omp critical(brash_ice_rig_sph_rows)
+  row_overflows_ = row_overflows_ || overflows;
+#pragma omp barrier
+}
+
+/// @param row  room for the longest row
+/// @return whether there was room for it among blocks_; its length is noted in any case
+bool SphBody::refreshRow(std::size_t i, PairBlock* row) {
   static_assert(sizeof(Eigen::Vector3d) == sizeof(double[3]), "the kernels read positions as plain numbers");
   const auto viscosity =
       static_cast<float>(settings_.density_kgpm3 * settings_.viscosity_ratio * settings_.viscosity_speed_mps);
   const std::size_t first = candidates_.row_begin[i];
   double m[6];
-  block_count_[i] = kernels_.refresh(i, reinterpret_cast<const double(*)[3]>(reference_.data()),
-                                     smoothing_length_.data(), cached_volume_.data(), viscosity,
-                                     candidates_.index.data() + first, candidates_.row_begin[i + 1] - first,
-                                     blocks_.data() + block_begin_[i], padded(gradient_sum_) + i, m);
+  block_count_[i] =
+      kernels_.refresh(i, reinterpret_cast<const double(*)[3]>(reference_.data()), smoothing_length_.data(),
+                       cached_volume_.data(), viscosity, candidates_.index.data() + first,
+                       candidates_.row_begin[i + 1] - first, row, padded(gradient_sum_) + i, m);
+  const auto count = static_cast<std::size_t>(block_count_[i]);
+  if (count > block_begin_[i + 1] - block_begin_[i]) return false;
+  std::copy_n(row, count, blocks_.begin() + static_cast<std::ptrdiff_t>(block_begin_[i]));
   Eigen::Matrix3d moment;
   moment << m[0], m[3], m[5], m[3], m[1], m[4], m[5], m[4], m[2];
   const bool regular = moment.determinant() >= settings_.determinant_limit;
@@ -193,6 +224,7 @@ void SphBody::refreshRow(std::size_t i) {
     const auto entry = static_cast<Eigen::Index>(c);
     correction_[c][i] = static_cast<float>(correction(entry / 3, entry % 3));
   }
+  return true;
 }
 
 SphRows SphBody::rows() {

@@ -197,15 +197,18 @@ class SphBody {
   SphRows rows();
   void checkMoves();
   void takeReferences();
-  bool search();
-  void listDueRows(bool all);
+  void search();
+  void listAllRows();
+  void listDueRows();
+  void refreshDueRows();
+  void makeRoomForRows();
   template <class Act>
   void forCandidates(std::size_t i, const Act& act) const {
     for (std::size_t c = candidates_.row_begin[i]; c < candidates_.row_begin[i + 1]; ++c) {
       act(static_cast<std::size_t>(candidates_.index[c]));
     }
   }
-  void refreshRow(std::size_t i);
+  bool refreshRow(std::size_t i, PairBlock* row);
   void updateRun(const SphRows& rows, const ActiveSet::Run& run, float time_step_s);
   void updateActiveSet();
 
@@ -244,6 +247,8 @@ class SphBody {
   std::vector<char> moved_;
   std::vector<char> listed_;                        ///< per particle: its row is due
   std::vector<std::size_t> due_;                    ///< rows to refresh in this step
+  bool row_overflows_ = false;                      ///< a row has become longer than its place in blocks_
+  std::size_t longest_row_ = 0;                     ///< of candidates_
   bool any_moved_ = false;                          ///< found by checkMoves()
   double farthest_squared_ = 0.0;                   ///< likewise: largest way since the search, squared
   std::vector<Eigen::Vector3d> searched_position_;  ///< where candidates_ were found

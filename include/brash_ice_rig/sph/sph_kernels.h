@@ -70,7 +70,7 @@ struct SphKernels {
   /// @param position      x, y, z of each particle, m
   /// @param smoothing     h of each particle, m; a pair takes the mean
   /// @param viscosity     rho alpha c, Pa s/m
-  /// @param row           room for (count + 8) / 8 + 1 blocks
+  /// @param row           room for count / 8 + 1 blocks
   /// @param sum           out: sum of the gradients, 1/m
   /// @param moment        out: M_i, ratio, xx, yy, zz, xy, yz, zx
   /// @return number of blocks

@@ -12,6 +12,8 @@ ActiveSet::ActiveSet(const ActiveSetSettings& settings, const std::vector<Eigen:
   const std::size_t count = fixed.size();
   group_awake_.assign((count + kGroup - 1) / kGroup, 1);
   group_row_.assign(group_awake_.size() + 1, 0);
+  lowest_neighbour_.assign(group_awake_.size(), 0);  // until they are known, each run may be another's neighbour
+  highest_neighbour_.assign(group_awake_.size(), group_awake_.size() - 1);
   largest_force_ = static_cast<float>(settings.quiet_force_n);
   makeRuns();
   if (!settings.enabled) return;
@@ -30,16 +32,18 @@ ActiveSet::ActiveSet(const ActiveSetSettings& settings, const std::vector<Eigen:
 }
 
 void ActiveSet::setNeighbours(const NeighbourList& neighbours) {
-  if (!settings_.enabled) return;
   std::vector<std::size_t> last_seen(group_awake_.size(), group_awake_.size());
   group_neighbour_.clear();
   for (std::size_t group = 0; group < group_awake_.size(); ++group) {
     const std::size_t begin = neighbours.row_begin[group * kGroup], end = neighbours.row_begin[groupEnd(group)];
+    lowest_neighbour_[group] = highest_neighbour_[group] = group;
     for (std::size_t c = begin; c < end; ++c) {
       const std::size_t other = static_cast<std::size_t>(neighbours.index[c]) / kGroup;
       if (last_seen[other] == group) continue;
       last_seen[other] = group;
       group_neighbour_.push_back(other);
+      lowest_neighbour_[group] = std::min(lowest_neighbour_[group], other);
+      highest_neighbour_[group] = std::max(highest_neighbour_[group], other);
     }
     group_row_[group + 1] = group_neighbour_.size();
   }
@@ -138,13 +142,14 @@ void ActiveSet::makeRuns() {
       if (!runs.empty() && runs.back().end == begin && end - runs.back().begin <= kLongestRun) {
         runs.back().end = end;
       } else {
-        runs.push_back({begin, end});
+        runs.push_back({begin, end, 0, 0});
       }
     }
   };
   collect(group_awake_, awake_);
   awake_count_ = 0;
   for (const Run& run : awake_) awake_count_ += run.end - run.begin;
+  findNeighbourRuns();
 
   border_group_.assign(group_awake_.size(), 0);
   for (std::size_t group = 0; group < group_awake_.size(); ++group) {
@@ -154,6 +159,46 @@ void ActiveSet::makeRuns() {
     }
   }
   collect(border_group_, border_);
+}
+
+void ActiveSet::findNeighbourRuns() {
+  // For each group the first run that ends beyond it, and from behind the last that begins before it.
+  const std::size_t groups = group_awake_.size(), runs = awake_.size();
+  std::vector<std::size_t> run_from(groups), run_to(groups);
+  for (std::size_t group = 0, run = 0; group < groups; ++group) {
+    while (run < runs && awake_[run].end <= group * kGroup) ++run;
+    run_from[group] = run;
+  }
+  for (std::size_t group = groups, run = runs; group-- > 0;) {
+    while (run > 0 && awake_[run - 1].begin >= groupEnd(group)) --run;
+    run_to[group] = run;  // one beyond
+  }
+  completed_begin_.assign(runs + 1, 0);
+  for (std::size_t r = 0; r < runs; ++r) {
+    Run& run = awake_[r];
+    run.first_neighbour = run.last_neighbour = r;
+    for (std::size_t group = run.begin / kGroup; group * kGroup < run.end; ++group) {
+      run.first_neighbour = std::min(run.first_neighbour, run_from[lowest_neighbour_[group]]);
+      run.last_neighbour = std::max(run.last_neighbour, run_to[highest_neighbour_[group]] - 1);
+    }
+    ++completed_begin_[run.last_neighbour + 1];
+  }
+  for (std::size_t r = 0; r < runs; ++r) completed_begin_[r + 1] += completed_begin_[r];
+  completed_.resize(runs);
+  std::vector<std::size_t> cursor(completed_begin_.begin(), completed_begin_.end() - 1);
+  for (std::size_t r = 0; r < runs; ++r) completed_[cursor[awake_[r].last_neighbour]++] = r;
+}
+
+ActiveSet::Share ActiveSet::share(std::size_t index, std::size_t count) const {
+  // A run belongs to the share in which its first particle is.
+  const auto bound = [&](std::size_t k) {
+    std::size_t run = 0;
+    for (std::size_t before = 0; run < awake_.size() && before * count < awake_count_ * k; ++run) {
+      before += awake_[run].end - awake_[run].begin;
+    }
+    return run;
+  };
+  return {bound(index), index + 1 == count ? awake_.size() : bound(index + 1)};
 }
 
 }  // namespace brash_ice_rig

@@ -4,6 +4,8 @@
 
 #include <Eigen/LU>
 
+#include <omp.h>
+
 #include "brash_ice_rig/sph/kernel.h"
 
 namespace brash_ice_rig {
@@ -260,13 +262,26 @@ void SphBody::updateStress(double time_step_s) {
   const SphRows rows = this->rows();
   const auto& awake = active_.awake();
   const auto& watched = active_.watched();
-#pragma omp for schedule(static)
-  for (std::size_t run = 0; run < awake.size(); ++run) updateRun(rows, awake[run], static_cast<float>(time_step_s));
-    // Who computes a force here moves the same particle in updateMotion(), so that neither loop waits.
-#pragma omp for schedule(static) nowait
-  for (std::size_t run = 0; run < awake.size(); ++run) kernels_.force(rows, awake[run].begin, awake[run].end);
+  const ActiveSet::Share share = ownShare();
+  // A force needs the stress of all neighbours. It is computed as soon as the last of them is known, when the row is
+  // still in the cache from its first use; where another thread has neighbours, after all are known.
+  const auto computeForce = [&](std::size_t run) { kernels_.force(rows, awake[run].begin, awake[run].end); };
+  for (std::size_t run = share.begin; run < share.end; ++run) {
+    updateRun(rows, awake[run], static_cast<float>(time_step_s));
+    active_.forRunsCompletedBy(run, [&](std::size_t completed) {
+      if (share.holds(completed, awake[completed])) computeForce(completed);
+    });
+  }
+#pragma omp barrier
+  for (std::size_t run = share.begin; run < share.end; ++run) {
+    if (!share.holds(run, awake[run])) computeForce(run);
+  }
 #pragma omp for schedule(static) nowait
   for (std::size_t run = 0; run < watched.size(); ++run) kernels_.force(rows, watched[run].begin, watched[run].end);
+}
+
+ActiveSet::Share SphBody::ownShare() const {
+  return active_.share(static_cast<std::size_t>(omp_get_thread_num()), static_cast<std::size_t>(omp_get_num_threads()));
 }
 
 void SphBody::updateRun(const SphRows& rows, const ActiveSet::Run& run, float time_step_s) {

@@ -142,6 +142,52 @@ TEST(ActiveSet, AForceBeyondTheQuietOneWakesTheBorderAndTheGroupsAroundIt) {
   EXPECT_FALSE(line.set->isAwake(24));
 }
 
+TEST(ActiveSet, SharesHoldEachRunOnceAndRunsKnowWhereTheirNeighboursAre) {
+  // Particles 3, 17 and 30 move, so that three groups with gaps between them stay awake; then all.
+  for (const bool all : {false, true}) {
+    Line line;
+    for (int k = 0; k < (all ? 1 : 500); ++k) {
+      for (const std::size_t i : {3u, 17u, 30u}) line.position[i].z() += 0.02 * kStep;
+      line.step();
+    }
+    const auto& awake = line.set->awake();
+    ASSERT_EQ(line.set->awakeCount(), all ? 40u : 24u);
+    const auto runOf = [&](std::size_t i) {
+      std::size_t run = 0;
+      while (run < awake.size() && !(i >= awake[run].begin && i < awake[run].end)) ++run;
+      return run;
+    };
+    std::vector<int> completed(awake.size(), 0);
+    for (std::size_t run = 0; run < awake.size(); ++run) {
+      EXPECT_LE(awake[run].first_neighbour, run);
+      EXPECT_GE(awake[run].last_neighbour, run);
+      for (std::size_t i = awake[run].begin; i < awake[run].end; ++i) {
+        for (std::size_t c = line.neighbours.row_begin[i]; c < line.neighbours.row_begin[i + 1]; ++c) {
+          const std::size_t other = runOf(static_cast<std::size_t>(line.neighbours.index[c]));
+          if (other == awake.size()) continue;  // asleep
+          EXPECT_GE(other, awake[run].first_neighbour);
+          EXPECT_LE(other, awake[run].last_neighbour);
+        }
+      }
+      line.set->forRunsCompletedBy(run, [&](std::size_t k) {
+        ++completed[k];
+        EXPECT_EQ(awake[k].last_neighbour, run);
+      });
+    }
+    for (const int times : completed) EXPECT_EQ(times, 1);
+    for (const std::size_t count : {1u, 2u, 3u, 7u}) {
+      std::size_t next = 0;
+      for (std::size_t k = 0; k < count; ++k) {
+        const auto share = line.set->share(k, count);
+        EXPECT_EQ(share.begin, next);
+        EXPECT_GE(share.end, share.begin);
+        next = share.end;
+      }
+      EXPECT_EQ(next, awake.size());
+    }
+  }
+}
+
 TEST(ActiveSet, AForceThatIsNotANumberWakes) {
   Line line;
   for (int k = 0; k < 500; ++k) {
@@ -202,7 +248,8 @@ TEST(ActiveSet, APulseRunsThroughIceThatWasAsleep) {
   };
   const double asleep = run(true), awake = run(false);
   EXPECT_GT(awake, 1e-3);
-  // The 32 particles that neighbour the awake ones may each hold back 0.01 N for as long as the pulse runs, of 15.6 N s.
+  // The 32 particles that neighbour the awake ones may each hold back 0.01 N for as long as the pulse runs, of 15.6 N
+  // s.
   EXPECT_NEAR(asleep, awake, 32.0 * 0.01 * 0.6 / 15.6 * awake);
 }
 

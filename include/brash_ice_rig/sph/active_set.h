@@ -35,7 +35,16 @@ struct ActiveSetSettings {
 class ActiveSet {
  public:
   struct Run {
+    std::size_t begin, end;                       ///< particles
+    std::size_t first_neighbour, last_neighbour;  ///< runs of awake() with its neighbours and itself lie between these
+  };
+  /// Runs [begin, end) of awake().
+  struct Share {
     std::size_t begin, end;
+    /// Whether a run and all its neighbours are in it.
+    bool holds(std::size_t run, const Run& r) const {
+      return run >= begin && run < end && r.first_neighbour >= begin && r.last_neighbour < end;
+    }
   };
   static constexpr std::size_t kLongestRun = 64;
 
@@ -45,6 +54,13 @@ class ActiveSet {
 
   /// Awake particles in ascending order, in runs of at most kLongestRun.
   const std::vector<Run>& awake() const { return awake_; }
+  /// Calls `act` with each run of which this one is the last neighbour.
+  template <class Act>
+  void forRunsCompletedBy(std::size_t run, const Act& act) const {
+    for (std::size_t k = completed_begin_[run]; k < completed_begin_[run + 1]; ++k) act(completed_[k]);
+  }
+  /// One of `count` shares of awake(), with about the same number of particles each.
+  Share share(std::size_t index, std::size_t count) const;
   /// Sleeping particles with a neighbour that is awake, likewise, in steps that sample; none in others.
   const std::vector<Run>& watched() const { return sampling_ ? border_ : none_; }
   bool isAwake(std::size_t i) const { return group_awake_[i / kGroup] != 0; }
@@ -86,6 +102,7 @@ class ActiveSet {
   bool letSleep(const std::vector<Eigen::Vector3d>& position_m, const Eigen::Vector2d& axis_m, double radius_m,
                 std::vector<std::size_t>& fallen_asleep);
   void makeRuns();
+  void findNeighbourRuns();
 
   ActiveSetSettings settings_;
   std::vector<char> fixed_;
@@ -104,9 +121,11 @@ class ActiveSet {
   std::vector<char> pushed_;
 
   std::vector<Run> awake_, border_, none_;
+  std::vector<std::size_t> completed_begin_, completed_;  ///< runs by their last neighbour, in compressed rows
   std::vector<char> border_group_;
   // For each group those with a neighbour of one of its particles, in compressed rows.
   std::vector<std::size_t> group_row_, group_neighbour_;
+  std::vector<std::size_t> lowest_neighbour_, highest_neighbour_;  ///< groups, per group
 };
 
 }  // namespace brash_ice_rig

@@ -83,8 +83,9 @@ class SphBody {
     float fastest_squared = 0.0f;
     bool sound = true;
     const bool sampling = active_.sampling();
-#pragma omp for schedule(static) nowait
-    for (std::size_t run = 0; run < active_.awake().size(); ++run) {
+    // Who has computed a force moves the particle, so that neither waits for the other.
+    const ActiveSet::Share share = ownShare();
+    for (std::size_t run = share.begin; run < share.end; ++run) {
       for (std::size_t i = active_.awake()[run].begin; i < active_.awake()[run].end; ++i) {
         if (sampling) active_.sampleStress(i, stress_);
         if (fixed_[i]) continue;
@@ -194,6 +195,7 @@ class SphBody {
   }
 
  private:
+  ActiveSet::Share ownShare() const;
   SphRows rows();
   void checkMoves();
   void takeReferences();

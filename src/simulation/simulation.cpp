@@ -321,13 +321,19 @@ void Simulation::Impl::updateIce() {
   for (const auto& effect : effects) effect->updateIce(now, changes);
   if (strength) {
     std::vector<float>& surplus = ice.state(0);
-    for (std::size_t i = 0; i < surplus.size(); ++i) surplus[i] = changes.strength_ratio[i] - 1.0f;
+    for (std::size_t i = 0; i < surplus.size(); ++i) {
+      const float before = surplus[i];
+      surplus[i] = changes.strength_ratio[i] - 1.0f;
+      if (surplus[i] < before) ice.wake(i);  // what was strong enough to rest may yield now
+    }
   }
   if (mass) {
     std::vector<float>& inertia = ice.inertiaRatio();
     const float water_share = 1.0f / static_cast<float>(ice.particleMass());
     for (std::size_t i = 0; i < inertia.size(); ++i) {
+      const float before = inertia[i];
       inertia[i] = std::max(changes.solid_ratio[i], kLeastInertia) + water_share * changes.held_water_kg[i];
+      if (inertia[i] != before) ice.wake(i);  // its weight has changed as well
     }
   }
 }

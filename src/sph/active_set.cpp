@@ -55,14 +55,16 @@ void ActiveSet::endStep(const std::vector<Eigen::Vector3d>& position_m, const Ei
   fallen_asleep.clear();
   if (!settings_.enabled) return;
   ++step_;
-  bool changed = sampling_ && wake();
+  bool changed = woken_;
+  woken_ = false;
+  if (sampling_) changed = wakePushed() || changed;
   if (step_ % window_steps_ == 0) changed = letSleep(position_m, axis_m, radius_m, fallen_asleep) || changed;
   if (changed) makeRuns();
   sampling_ = (step_ + 1) % sample_steps_ == 0;
 }
 
 /// Groups that are pushed, and those around them: what comes next meets ice that is awake.
-bool ActiveSet::wake() {
+bool ActiveSet::wakePushed() {
   bool changed = false;
   const auto wakeGroup = [&](std::size_t group) {
     if (group_awake_[group] != 0) return;

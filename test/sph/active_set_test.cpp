@@ -199,6 +199,18 @@ TEST(ActiveSet, AForceThatIsNotANumberWakes) {
   EXPECT_TRUE(line.set->isAwake(8));
 }
 
+TEST(ActiveSet, WhatIsWokenFromOutsideTakesPartFromTheNextStepOn) {
+  Line line;
+  line.rest(1.0);
+  ASSERT_EQ(line.set->awakeCount(), 0u);
+  line.set->wake(13);
+  line.step();
+  EXPECT_EQ(line.set->awakeCount(), 8u);
+  EXPECT_TRUE(line.set->isAwake(13));
+  line.rest(1.0);
+  EXPECT_EQ(line.set->awakeCount(), 0u);
+}
+
 TEST(ActiveSet, NoForceWakesFixedParticles) {
   Line line(settings(), true);
   for (int k = 0; k < 500; ++k) {

@@ -78,6 +78,14 @@ class ActiveSet {
     pushed_[i] = fixed_[i] == 0 && !(force.head<3>().squaredNorm() <= largest_force_ * largest_force_);
   }
 
+  /// Wakes the group of a particle, from the end of the next step on.
+  void wake(std::size_t i) {
+    if (isAwake(i)) return;
+    group_awake_[i / kGroup] = 1;
+    quiet_for_[i / kGroup] = 0;
+    woken_ = true;
+  }
+
   /// To be called whenever they have changed, before the next endStep().
   void setNeighbours(const NeighbourList& neighbours);
 
@@ -98,7 +106,7 @@ class ActiveSet {
   std::size_t groupEnd(std::size_t group) const { return std::min((group + 1) * kGroup, fixed_.size()); }
   bool isQuiet(std::size_t i, const Eigen::Vector3d& position_m) const;
   void setAnchor(std::size_t i, const Eigen::Vector3d& position_m);
-  bool wake();
+  bool wakePushed();
   bool letSleep(const std::vector<Eigen::Vector3d>& position_m, const Eigen::Vector2d& axis_m, double radius_m,
                 std::vector<std::size_t>& fallen_asleep);
   void makeRuns();
@@ -111,6 +119,7 @@ class ActiveSet {
 
   std::uint64_t step_ = 0;
   bool sampling_ = false;
+  bool woken_ = false;  ///< by wake(), and not among the runs yet
   std::vector<char> group_awake_;
   std::vector<std::uint32_t> quiet_for_;  ///< windows, per group
   std::size_t awake_count_;

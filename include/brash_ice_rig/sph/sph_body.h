@@ -131,6 +131,10 @@ class SphBody {
     awake_axis_ = axis_m;
     awake_radius_ = radius_m;
   }
+  /// Wakes a particle that has changed from outside. One thread, between steps.
+  void wake(std::size_t i) {
+    active_.wake(i);
+  }
   const ActiveSet& activeSet() const {
     return active_;
   }

@@ -84,7 +84,15 @@ void SphBody::updateGradients() {
     // where supports have grown, and until the next look.
     const double used =
         std::sqrt(farthest_squared_) + (longest_ - longest_at_search_) + kUncheckedShare * settings_.refresh_distance_m;
-    if (first || 2.0 * used >= settings_.skin_m) search();
+    search_due_ = first || 2.0 * used >= settings_.skin_m;
+    if (search_due_ && settings_.variable_smoothing_length) {
+      longest_ = *std::max_element(smoothing_length_.begin(), smoothing_length_.end());
+    }
+  }
+  if (search_due_) search_.find(reference_, 2.0 * longest_ + settings_.skin_m, candidates_);
+#pragma omp single
+  {
+    if (search_due_) takeCandidates();
     if (first) {
       listAllRows();  // there is room for none until their lengths are known
     } else if (any_moved_) {
@@ -147,12 +155,8 @@ void SphBody::takeReferences() {
   }
 }
 
-/// Finds the candidates where the references are. Rows hold their neighbours already and stay as they are.
-void SphBody::search() {
-  if (settings_.variable_smoothing_length) {
-    longest_ = *std::max_element(smoothing_length_.begin(), smoothing_length_.end());
-  }
-  findNeighbours(reference_, 2.0 * longest_ + settings_.skin_m, candidates_);
+/// After a search where the references are. Rows hold their neighbours already and stay as they are.
+void SphBody::takeCandidates() {
   active_.setNeighbours(candidates_);
   searched_position_ = reference_;
   longest_at_search_ = longest_;

@@ -17,7 +17,7 @@ std::vector<Eigen::Vector3d> randomCloud(std::size_t count, unsigned seed) {
 
 void expectSameAsBruteForce(const std::vector<Eigen::Vector3d>& points, double radius) {
   NeighbourList list;
-  findNeighbours(points, radius, list);
+  NeighbourSearch().find(points, radius, list);
   ASSERT_EQ(list.row_begin.size(), points.size() + 1);
   for (std::size_t i = 0; i < points.size(); ++i) {
     std::vector<std::int32_t> expected;
@@ -53,9 +53,23 @@ TEST(NeighbourSearch, CubicLatticeHas56NeighboursWithin2Point4Spacings) {
     for (int y = 0; y < 7; ++y)
       for (int z = 0; z < 7; ++z) points.emplace_back(x, y, z);
   NeighbourList list;
-  findNeighbours(points, 2.4, list);
+  NeighbourSearch().find(points, 2.4, list);
   const std::size_t centre = (3 * 7 + 3) * 7 + 3;
   EXPECT_EQ(list.row_begin[centre + 1] - list.row_begin[centre], 56u);
+}
+
+TEST(NeighbourSearch, FindsTheSameAgainAndWithAnyNumberOfThreads) {
+  NeighbourSearch search;
+  NeighbourList first, again;
+  search.find(randomCloud(900, 4), 0.4, first);
+  search.find(randomCloud(50, 5), 1.0, again);  // leaves its memory in another state
+  for (const int threads : {1, 2, 5}) {
+    const auto points = randomCloud(900, 4);
+#pragma omp parallel num_threads(threads)
+    search.find(points, 0.4, again);
+    EXPECT_EQ(again.row_begin, first.row_begin);
+    EXPECT_EQ(again.index, first.index);
+  }
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -14,8 +15,30 @@ struct NeighbourList {
   std::vector<std::int32_t> index;
 };
 
-/// Cell-grid search. Positions must be finite; particles far outside the rest only cost time.
-/// @param radius_m  > 0
-void findNeighbours(const std::vector<Eigen::Vector3d>& position_m, double radius_m, NeighbourList& list);
+/// Cell-grid search. Keeps its memory from one search to the next.
+class NeighbourSearch {
+ public:
+  /// Called by every thread of an OpenMP team together; from a single thread it works too. Positions must be finite;
+  /// particles far outside the rest only cost time.
+  /// @param radius_m  > 0
+  void find(const std::vector<Eigen::Vector3d>& position_m, double radius_m, NeighbourList& list);
+
+ private:
+  using Cell = std::array<std::int64_t, 3>;
+
+  static Cell cellOf(const Eigen::Vector3d& position, double cell_size);
+  std::size_t bucketOf(const Cell& cell) const;
+  void sortIntoCells(const std::vector<Eigen::Vector3d>& position_m, double cell_size);
+  void findRowsOf(std::size_t home, const std::vector<Eigen::Vector3d>& position_m, double radius_squared);
+
+  std::size_t mask_ = 0;  ///< number of buckets less one
+  std::vector<Cell> cell_;
+  std::vector<std::size_t> bucket_begin_;
+  std::vector<std::int32_t> member_;  ///< particles by bucket
+  std::vector<std::size_t> home_;     ///< the first particle of each cell
+  /// The rows of a cell's particles one after the other; per particle which cell, where in it, and how long.
+  std::vector<std::vector<std::int32_t>> rows_of_home_;
+  std::vector<std::size_t> home_of_, row_offset_, row_length_;
+};
 
 }  // namespace brash_ice_rig

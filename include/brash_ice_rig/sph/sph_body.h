@@ -203,7 +203,7 @@ class SphBody {
   SphRows rows();
   void checkMoves();
   void takeReferences();
-  void search();
+  void takeCandidates();
   void listAllRows();
   void listDueRows();
   void refreshDueRows();
@@ -238,6 +238,8 @@ class SphBody {
 
   // Cache, a function of the references alone.
   std::vector<Eigen::Vector3d> reference_;
+  NeighbourSearch search_;
+  bool search_due_ = false;
   NeighbourList candidates_;  ///< within the longest support + skin
   std::vector<PairBlock> blocks_;
   std::vector<std::size_t> block_begin_;

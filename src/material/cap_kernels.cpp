@@ -26,8 +26,6 @@ constexpr std::size_t kFloatWidth = 2 * kWidth;
 typedef float WideFloats __attribute__((vector_size(4 * kFloatWidth)));
 typedef std::int32_t WideMask __attribute__((vector_size(4 * kFloatWidth)));
 
-#define BRASH_ICE_INLINE inline __attribute__((always_inline))
-
 constexpr double kLargestLastStep = 3e-5;  // relative; what its square neglects is below the tolerance
 constexpr double kLastError = 1e-10;       // relative
 constexpr int kMaxIterations = 60;         // a return that takes more is left
@@ -1033,10 +1031,7 @@ void computeLargestPrincipals(const double* const* tensors, double* result, std:
 
 }  // namespace
 
-#define BRASH_ICE_JOIN(a, b) a##b
-#define BRASH_ICE_NAME(a, b) BRASH_ICE_JOIN(a, b)
-extern const CapKernels BRASH_ICE_NAME(kCapKernels_, BRASH_ICE_INSTRUCTION_SET);
-const CapKernels BRASH_ICE_NAME(kCapKernels_, BRASH_ICE_INSTRUCTION_SET) = {update, computeLogs, computeExps,
-                                                                            computeLargestPrincipals};
+extern const CapKernels BRASH_ICE_NAME_OF_SET(kCapKernels_);
+const CapKernels BRASH_ICE_NAME_OF_SET(kCapKernels_) = {update, computeLogs, computeExps, computeLargestPrincipals};
 
 }  // namespace brash_ice_rig

@@ -7,8 +7,6 @@
 namespace brash_ice_rig {
 namespace {
 
-#define BRASH_ICE_INLINE inline __attribute__((always_inline))
-
 constexpr std::size_t kPairs = PairBlock::kPairs;
 
 /// A pair closer than this to the edge of the support has no measurable weight, and its viscosity factor overflows.
@@ -90,11 +88,12 @@ BRASH_ICE_INLINE Gathered gatherRow(const SphRows& rows, std::size_t i) {
           sumLanes(fx, fy, fz, none)};
 }
 
-/// Turns a symmetric tensor with the spin w of one step: t + w t - t w, written out by component.
+/// Antisymmetric part of the velocity gradient, times the step.
 struct Spin {
   float xy, yz, zx;
 };
 
+/// Turns a symmetric tensor with the spin w of one step: t + w t - t w, written out by component.
 BRASH_ICE_INLINE void rotate(float* const* tensor, std::size_t i, const Spin& w) {
   const float xx = tensor[0][i], yy = tensor[1][i], zz = tensor[2][i];
   const float xy = tensor[3][i], yz = tensor[4][i], zx = tensor[5][i];
@@ -328,10 +327,7 @@ std::int32_t refresh(std::size_t i, const double (*position)[3], const double* s
 
 }  // namespace
 
-#define BRASH_ICE_JOIN_NAME(a, b) a##b
-#define BRASH_ICE_NAME(a, b) BRASH_ICE_JOIN_NAME(a, b)
-extern const SphKernels BRASH_ICE_NAME(kSphKernels_, BRASH_ICE_INSTRUCTION_SET);
-const SphKernels BRASH_ICE_NAME(kSphKernels_, BRASH_ICE_INSTRUCTION_SET) = {strain, correctStress, force,
-                                                                            velocityGradient, refresh};
+extern const SphKernels BRASH_ICE_NAME_OF_SET(kSphKernels_);
+const SphKernels BRASH_ICE_NAME_OF_SET(kSphKernels_) = {strain, correctStress, force, velocityGradient, refresh};
 
 }  // namespace brash_ice_rig

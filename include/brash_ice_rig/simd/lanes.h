@@ -1,11 +1,15 @@
 #pragma once
 
-#include <cstddef>
-#include <cstdint>
+#define BRASH_ICE_INLINE inline __attribute__((always_inline))
+
+// A name with that of the instruction set behind it, for the one table of functions that a kernel file exports.
+#define BRASH_ICE_JOIN_NAMES(a, b) a##b
+#define BRASH_ICE_JOIN(a, b) BRASH_ICE_JOIN_NAMES(a, b)
+#define BRASH_ICE_NAME_OF_SET(name) BRASH_ICE_JOIN(name, BRASH_ICE_INSTRUCTION_SET)
 
 // For kernel files alone, which are compiled once per instruction set. Everything here has internal linkage, and a
-// kernel file includes nothing else that defines functions: the linker keeps only one copy of an inline function, and
-// that could be one for a machine that this is not.
+// kernel file includes nothing else that defines functions which might not be inlined: the linker keeps only one copy
+// of such a function, and that could be one for a machine that this is not.
 //
 // The types are vectors of the compiler (GCC and Clang). Operators work lane by lane; where the machine's registers are
 // shorter, the compiler splits them, which leaves each lane's result the same.
@@ -14,28 +18,23 @@ namespace {
 
 typedef float Float4 __attribute__((vector_size(16)));
 typedef float Float8 __attribute__((vector_size(32)));
-typedef std::int32_t Int8 __attribute__((vector_size(32)));
-typedef double Double8 __attribute__((vector_size(64)));
-typedef std::int64_t Long8 __attribute__((vector_size(64)));
-
-constexpr std::size_t kLanes = 8;
 
 /// A vector from memory of any alignment.
 template <class Vector, class T>
-inline __attribute__((always_inline)) Vector load(const T* from) {
+BRASH_ICE_INLINE Vector load(const T* from) {
   Vector result;
   __builtin_memcpy(&result, from, sizeof(Vector));
   return result;
 }
 
 template <class Vector, class T>
-inline __attribute__((always_inline)) void store(T* to, const Vector& value) {
+BRASH_ICE_INLINE void store(T* to, const Vector& value) {
   __builtin_memcpy(to, &value, sizeof(Vector));
 }
 
 /// Lanes I... of a and b together; those of b count on from those of a.
 template <int... I, class Vector>
-inline __attribute__((always_inline)) Vector shuffle(const Vector& a, const Vector& b) {
+BRASH_ICE_INLINE Vector shuffle(const Vector& a, const Vector& b) {
 #if defined(__clang__) || __GNUC__ >= 12
   return __builtin_shufflevector(a, b, I...);
 #else
@@ -44,7 +43,7 @@ inline __attribute__((always_inline)) Vector shuffle(const Vector& a, const Vect
 }
 
 /// Four lanes and four lanes.
-inline __attribute__((always_inline)) Float8 join(const Float4& a, const Float4& b) {
+BRASH_ICE_INLINE Float8 join(const Float4& a, const Float4& b) {
 #if defined(__clang__) || __GNUC__ >= 12
   return __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7);
 #else
@@ -52,7 +51,7 @@ inline __attribute__((always_inline)) Float8 join(const Float4& a, const Float4&
 #endif
 }
 
-inline __attribute__((always_inline)) Float4 low(const Float8& v) {
+BRASH_ICE_INLINE Float4 low(const Float8& v) {
 #if defined(__clang__) || __GNUC__ >= 12
   return __builtin_shufflevector(v, v, 0, 1, 2, 3);
 #else
@@ -60,7 +59,7 @@ inline __attribute__((always_inline)) Float4 low(const Float8& v) {
 #endif
 }
 
-inline __attribute__((always_inline)) Float4 high(const Float8& v) {
+BRASH_ICE_INLINE Float4 high(const Float8& v) {
 #if defined(__clang__) || __GNUC__ >= 12
   return __builtin_shufflevector(v, v, 4, 5, 6, 7);
 #else

@@ -30,6 +30,7 @@
 #include "brash_ice_rig/identify/record_check.h"
 #include "brash_ice_rig/output/progress_line.h"
 #include "brash_ice_rig/output/run_files.h"
+#include "brash_ice_rig/rig/crane_motion.h"
 #include "brash_ice_rig/simulation/simulation.h"
 #include "brash_ice_rig/simulation/waiting_threads.h"
 #include "brash_ice_rig/study/study.h"
@@ -60,7 +61,9 @@ double secondsSince(WallClock::time_point start) {
 /// Simulated time that the script will take, settling included, s. An estimate: it leaves out the crane's ramps.
 double expectedDuration(const Scenario& scenario) {
   const ProcedureConfig& procedure = scenario.procedure;
-  double duration_s = procedure.settle_duration_s + procedure.lift_duration_s + procedure.hold_duration_s;
+  const double lift_s =
+      procedure.motion_file.empty() ? procedure.lift_duration_s : CraneMotion::read(procedure.motion_file).duration();
+  double duration_s = procedure.settle_duration_s + lift_s + procedure.hold_duration_s;
   if (procedure.start == StartPose::kFoldedAboveIce) {
     const double way_m = startHubHeight(scenario) - lowestHubHeight(scenario);
     duration_s += way_m / procedure.lower_speed_mps;

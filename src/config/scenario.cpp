@@ -9,6 +9,7 @@
 
 #include "brash_ice_rig/config/config_error.h"
 #include "brash_ice_rig/config/number_check.h"
+#include "brash_ice_rig/rig/crane_motion.h"
 #include "brash_ice_rig/sph/kernel.h"
 
 namespace brash_ice_rig {
@@ -145,6 +146,18 @@ void checkCraneSpeed(const CraneConfig& crane, const char* key, double speed) {
           "must be at most crane.max_speed_mps (" + formatNumber(crane.max_speed_mps) + ")");
 }
 
+void checkCraneMotion(const Scenario& scenario) {
+  const std::string& file = scenario.procedure.motion_file;
+  const CraneMotion motion = CraneMotion::read(file);
+  if (motion.fastest() > scenario.crane.max_speed_mps) {
+    throw ConfigError("procedure.motion_file", file,
+                      "moves at up to " + rounded(motion.fastest()) + " m/s, must be at most crane.max_speed_mps (" +
+                          formatNumber(scenario.crane.max_speed_mps) + ")");
+  }
+  checkCraneHolds(scenario, lowestHubHeight(scenario) + motion.lowest(), "at the lowest point of the motion file");
+  checkCraneHolds(scenario, lowestHubHeight(scenario) + motion.highest(), "at the highest point of the motion file");
+}
+
 void checkCrane(const Scenario& scenario) {
   const CraneConfig& crane = scenario.crane;
   const ProcedureConfig& procedure = scenario.procedure;
@@ -153,12 +166,16 @@ void checkCrane(const Scenario& scenario) {
   checkCraneHolds(scenario, startHubHeight(scenario), "at the start");
   if (procedure.control == ControlMode::kManual) return;  // whoever drives by hand need not follow the script
 
-  checkCraneSpeed(crane, "procedure.lift_speed_mps", procedure.lift_speed_mps);
+  if (!procedure.motion_file.empty()) {
+    checkCraneMotion(scenario);
+  } else {
+    checkCraneSpeed(crane, "procedure.lift_speed_mps", procedure.lift_speed_mps);
+    checkCraneHolds(scenario, liftEndHubHeight(scenario), "at the end of the lift");
+  }
   if (procedure.start == StartPose::kFoldedAboveIce) {
     checkCraneSpeed(crane, "procedure.lower_speed_mps", procedure.lower_speed_mps);
     checkCraneHolds(scenario, lowestHubHeight(scenario), "at the end of lowering");
   }
-  checkCraneHolds(scenario, liftEndHubHeight(scenario), "at the end of the lift");
 }
 
 void checkEffects(const Scenario& scenario) {

@@ -11,7 +11,7 @@
 
 #include "brash_ice_rig/config/number_check.h"
 #include "brash_ice_rig/config/yaml_document.h"
-#include "brash_ice_rig/identify/csv.h"
+#include "brash_ice_rig/config/csv.h"
 
 namespace brash_ice_rig {
 namespace {

@@ -9,6 +9,9 @@ namespace {
 /// The hub counts as lowered when it is this close to its goal.
 constexpr double kLoweredWithinM = 1.0e-3;
 
+/// A replayed motion has corners, a hoist has ramps: what they differ by is made up for within about this time, s.
+constexpr double kCatchUpS = 1.0;
+
 }  // namespace
 
 const char* stageName(Stage stage) {
@@ -34,7 +37,9 @@ const char* stageName(Stage stage) {
 Procedure::Procedure(const ProcedureConfig& config, double lowest_hub_m)
     : config_(config),
       lowest_hub_m_(lowest_hub_m),
-      fold_target_(config.start == StartPose::kUnfoldedUnderIce ? 1.0 : 0.0) {}
+      fold_target_(config.start == StartPose::kUnfoldedUnderIce ? 1.0 : 0.0) {
+  if (!config.motion_file.empty()) motion_ = CraneMotion::read(config.motion_file);
+}
 
 void Procedure::enter(Stage stage, double time_s) {
   stage_ = stage;
@@ -60,7 +65,8 @@ Procedure::Order Procedure::step(double time_s, double time_step_s, const Crane&
       enter(Stage::kDone, time_s);
     }
   }
-  if (stage_ == Stage::kLift && time_s - stage_start_s_ > config_.lift_duration_s - half_step) {
+  const double lift_duration = motion_ ? motion_->duration() : config_.lift_duration_s;
+  if (stage_ == Stage::kLift && time_s - stage_start_s_ > lift_duration - half_step) {
     enter(Stage::kHold, time_s);
   }
   if (stage_ == Stage::kHold && time_s - stage_start_s_ > config_.hold_duration_s - half_step) {
@@ -72,6 +78,11 @@ Procedure::Order Procedure::step(double time_s, double time_step_s, const Crane&
   if (stage_ == Stage::kLower) {
     order.hoist_speed_mps =
         -std::min(config_.lower_speed_mps, crane.stoppingSpeed(hub_height_m - lowest_hub_m_, time_step_s));
+  } else if (stage_ == Stage::kLift && motion_) {
+    const double lift_time = time_s - stage_start_s_;
+    if (lift_time < half_step) lift_start_hub_m_ = hub_height_m;
+    const double way = motion_->wayAt(lift_time), way_after = motion_->wayAt(lift_time + time_step_s);
+    order.hoist_speed_mps = (way_after - way) / time_step_s + (lift_start_hub_m_ + way - hub_height_m) / kCatchUpS;
   } else if (stage_ == Stage::kLift) {
     order.hoist_speed_mps = config_.lift_speed_mps;
   }

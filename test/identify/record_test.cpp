@@ -16,7 +16,7 @@
 
 #include "../output/shell.h"
 #include "../output/temporary_directory.h"
-#include "brash_ice_rig/identify/csv.h"
+#include "brash_ice_rig/config/csv.h"
 #include "brash_ice_rig/identify/record_check.h"
 #include "made_record.h"
 

@@ -226,6 +226,7 @@ struct ProcedureConfig {
   double lift_speed_mps = 0.052;
   double lift_duration_s = 40.0;
   double hold_duration_s = 0.0;
+  std::string motion_file;
 
   template <class Visitor>
   void visit(Visitor& v) {
@@ -242,6 +243,8 @@ struct ProcedureConfig {
     v("lift_speed_mps", lift_speed_mps, Range{0.0, 10.0, true}, "speed of lifting");
     v("lift_duration_s", lift_duration_s, Range{0.0, 3600.0, true}, "time of lifting");
     v("hold_duration_s", hold_duration_s, Range{0.0, 3600.0}, "time of hanging still after the lift");
+    v("motion_file", motion_file,
+      "CSV with time_s and hoist_position_m: the lift follows this way instead of lift_speed_mps and lift_duration_s");
   }
 };
 

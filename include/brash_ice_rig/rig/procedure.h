@@ -1,8 +1,11 @@
 #pragma once
 
+#include <optional>
+
 #include "brash_ice_rig/config/scenario.h"
 #include "brash_ice_rig/rig/collector.h"
 #include "brash_ice_rig/rig/crane.h"
+#include "brash_ice_rig/rig/crane_motion.h"
 #include "brash_ice_rig/simulation/snapshot.h"
 
 namespace brash_ice_rig {
@@ -12,6 +15,7 @@ namespace brash_ice_rig {
 class Procedure {
  public:
   /// @param lowest_hub_m  height of the hub at which lowering ends
+  /// @throws ConfigError if there is a motion file and it cannot be used
   Procedure(const ProcedureConfig& config, double lowest_hub_m);
 
   struct Order {
@@ -32,7 +36,9 @@ class Procedure {
   double lowest_hub_m_;
   Stage stage_ = Stage::kSettle;
   double stage_start_s_ = 0.0;
+  double lift_start_hub_m_ = 0.0;
   double fold_target_;
+  std::optional<CraneMotion> motion_;
 };
 
 }  // namespace brash_ice_rig

@@ -1,4 +1,4 @@
-#include "brash_ice_rig/identify/csv.h"
+#include "brash_ice_rig/config/csv.h"
 
 #include <locale.h>
 

@@ -9,9 +9,6 @@ namespace {
 /// The hub counts as lowered when it is this close to its goal.
 constexpr double kLoweredWithinM = 1.0e-3;
 
-/// A replayed motion has corners, a hoist has ramps: what they differ by is made up for within about this time, s.
-constexpr double kCatchUpS = 1.0;
-
 }  // namespace
 
 const char* stageName(Stage stage) {
@@ -79,10 +76,10 @@ Procedure::Order Procedure::step(double time_s, double time_step_s, const Crane&
     order.hoist_speed_mps =
         -std::min(config_.lower_speed_mps, crane.stoppingSpeed(hub_height_m - lowest_hub_m_, time_step_s));
   } else if (stage_ == Stage::kLift && motion_) {
+    // Not steered by the height: what slows the hoist under load must be seen. Ramps cost a little way at a start and
+    // give it back at the stop.
     const double lift_time = time_s - stage_start_s_;
-    if (lift_time < half_step) lift_start_hub_m_ = hub_height_m;
-    const double way = motion_->wayAt(lift_time), way_after = motion_->wayAt(lift_time + time_step_s);
-    order.hoist_speed_mps = (way_after - way) / time_step_s + (lift_start_hub_m_ + way - hub_height_m) / kCatchUpS;
+    order.hoist_speed_mps = (motion_->wayAt(lift_time + time_step_s) - motion_->wayAt(lift_time)) / time_step_s;
   } else if (stage_ == Stage::kLift) {
     order.hoist_speed_mps = config_.lift_speed_mps;
   }

@@ -36,7 +36,6 @@ class Procedure {
   double lowest_hub_m_;
   Stage stage_ = Stage::kSettle;
   double stage_start_s_ = 0.0;
-  double lift_start_hub_m_ = 0.0;
   double fold_target_;
   std::optional<CraneMotion> motion_;
 };

@@ -26,6 +26,7 @@
 #include <CLI/CLI.hpp>
 
 #include "brash_ice_rig/config/scenario_reader.h"
+#include "brash_ice_rig/identify/identification.h"
 #include "brash_ice_rig/identify/record.h"
 #include "brash_ice_rig/identify/record_check.h"
 #include "brash_ice_rig/output/progress_line.h"
@@ -184,13 +185,17 @@ Record readBag(const std::string& file) {
   throw ConfigError("", "", "this bag could not be made a record: " + reason, file);
 }
 
+/// @throws ConfigError
+Record readRecordOrBag(const std::string& file) {
+  return isBag(file) ? readBag(file) : readRecord(file);
+}
+
 /// Reads a file and says on stdout what it is worth.
 /// @return whether it can be used
 /// @throws ConfigError
 bool checkFile(const std::string& file) {
-  const bool is_bag = isBag(file);
-  if (is_bag || isRecord(file)) {
-    const Record record = is_bag ? readBag(file) : readRecord(file);
+  if (isBag(file) || isRecord(file)) {
+    const Record record = readRecordOrBag(file);
     const RecordReport report = checkRecord(record);
     std::printf("%s", describe(file, record, report).c_str());
     return report.usability() != Usability::kNo;
@@ -217,6 +222,14 @@ int check(const std::vector<std::string>& files) {
     }
   }
   return code;
+}
+
+int identify(IdentifyOptions options, const std::vector<std::string>& records, const std::string& holdout) {
+  for (const std::string& file : records) options.input.records.push_back({file, readRecordOrBag(file)});
+  if (!holdout.empty()) options.input.holdout = {holdout, readRecordOrBag(holdout)};
+  handleStopSignals();
+  options.stop = [] { return stop_requested != 0; };
+  return runIdentify(options) ? kExitDone : kExitRunFailed;
 }
 
 int runProgram(int argc, char** argv) {
@@ -266,6 +279,34 @@ int runProgram(int argc, char** argv) {
   study_command->add_flag("--repeat-failed", study_options.repeat_failed,
                           "Repeat the runs that ended with a non-finite state, too");
 
+  IdentifyOptions identify_options;
+  std::vector<std::string> records;
+  std::string holdout;
+  CLI::App* identify_command = app.add_subcommand(
+      "identify", "Find out what the model lacks from measured records; leave report.html, report.json, overlay.yaml");
+  identify_command
+      ->add_option("records", records,
+                   "Measured records of the same ice, fitted together: CSV, manifest, directory or bag")
+      ->required()
+      ->type_name("RECORD");
+  identify_command
+      ->add_option("--holdout", holdout, "Another record, that is not fitted: whatever is found has to hold on it")
+      ->type_name("RECORD");
+  identify_command
+      ->add_option("--out", identify_options.directory,
+                   "Directory for the results (default: name of the record + _identify)")
+      ->type_name("DIR");
+  identify_command
+      ->add_option("--cache", identify_options.cache,
+                   "Directory for the simulations, may be shared by many records (default: DIR/runs)")
+      ->type_name("DIR");
+  identify_command
+      ->add_option("--jobs", identify_options.children,
+                   "Simulations at a time (default: one per core; under mpirun one per process)")
+      ->check(CLI::Range(1, 1024))
+      ->type_name("N");
+  identify_command->add_flag("!--no-report", identify_options.report, "Leave out report.html");
+
   std::vector<std::string> files;
   CLI::App* check_command =
       app.add_subcommand("check", "Validate scenarios, overlays, studies and measured records without running them");
@@ -284,6 +325,13 @@ int runProgram(int argc, char** argv) {
   if (study_command->parsed()) {
     if (study_options.directory.empty()) study_options.directory = nameOf(study_options.file) + "_study";
     return study(study_options);
+  }
+
+  if (identify_command->parsed()) {
+    if (identify_options.directory.empty()) {
+      identify_options.directory = nameOf(records.front()) + "_identify";
+    }
+    return identify(identify_options, records, holdout);
   }
 
   if (!threads.empty()) sources.settings.push_back("solver.threads=" + threads);

@@ -9,9 +9,9 @@
 #include <map>
 #include <system_error>
 
+#include "brash_ice_rig/config/csv.h"
 #include "brash_ice_rig/config/number_check.h"
 #include "brash_ice_rig/config/yaml_document.h"
-#include "brash_ice_rig/config/csv.h"
 
 namespace brash_ice_rig {
 namespace {

@@ -30,6 +30,18 @@ void makeDirectory(const std::string& path) {
   if (!std::filesystem::is_directory(path, error)) throw OutputError(path, "is not a directory");
 }
 
+void replaceFile(const std::string& path, const std::string& text) {
+  OutputFile file(path, OutputFile::Mode::kReplace);
+  file.write(text);
+  file.close();
+}
+
+void removeFile(const std::string& path) {
+  std::error_code error;
+  std::filesystem::remove(path, error);
+  if (error) throw OutputError(path, error.message());
+}
+
 std::string toText(double value) {
   if (std::isnan(value)) return "nan";
   if (std::isinf(value)) return value > 0.0 ? "inf" : "-inf";

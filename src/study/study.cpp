@@ -13,11 +13,7 @@
 #include <system_error>
 #include <vector>
 
-#include <fcntl.h>
-#include <sched.h>
-#include <sys/file.h>
-#include <unistd.h>
-
+#include "brash_ice_rig/output/directory_lock.h"
 #include "brash_ice_rig/output/output_file.h"
 #include "brash_ice_rig/output/progress_line.h"
 #include "brash_ice_rig/study/results.h"
@@ -29,27 +25,6 @@ namespace brash_ice_rig {
 namespace {
 
 using WallClock = std::chrono::steady_clock;
-
-/// Keeps a second study out of the directory. The system lets go of it when this process and its children have ended.
-class DirectoryLock {
- public:
-  explicit DirectoryLock(const std::string& directory) {
-    const std::string path = directory + "/.lock";
-    // Children keep it open: while one of a study that was killed still runs, the directory is not free.
-    number_ = open(path.c_str(), O_RDWR | O_CREAT, 0666);
-    if (number_ < 0) throw OutputError(path, std::generic_category().message(errno));
-    // Other errors: a file system without locks, on which users must take care themselves.
-    if (flock(number_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
-    close(number_);
-    throw std::runtime_error(directory + ": another study is at work there; wait for it, or give another --out");
-  }
-  ~DirectoryLock() { close(number_); }
-  DirectoryLock(const DirectoryLock&) = delete;
-  DirectoryLock& operator=(const DirectoryLock&) = delete;
-
- private:
-  int number_;
-};
 
 std::string minutes(double seconds) {
   char text[32];
@@ -144,13 +119,6 @@ class StudyProgress {
   ProgressLine line_;
 };
 
-/// Cores that this process may use.
-int coreCount() {
-  cpu_set_t set;
-  CPU_ZERO(&set);
-  return sched_getaffinity(0, sizeof set, &set) == 0 ? std::max(1, CPU_COUNT(&set)) : 1;
-}
-
 int mostThreads(const Study& study) {
   int most = 1;
   for (const StudyRun& run : study.runs) most = std::max(most, run.scenario.solver.threads);
@@ -161,36 +129,6 @@ int defaultChildren(const Study& study) {
   return std::max(1, coreCount() / mostThreads(study));
 }
 
-void writeFile(const std::string& path, const std::string& text) {
-  OutputFile file(path, OutputFile::Mode::kReplace);
-  file.write(text);
-  file.close();
-}
-
-void removeFile(const std::string& path) {
-  std::error_code error;
-  std::filesystem::remove(path, error);
-  if (error) throw OutputError(path, error.message());
-}
-
-/// Has the program study_report, which lies beside this one, make report.html. Without it, results.csv stands.
-void makeReport(const std::string& directory, const std::function<bool()>& stop) {
-  constexpr std::chrono::minutes kTimeout{15};
-  ChildSetup setup;
-  setup.program = programBesideThis("study_report");
-  setup.arguments = {directory};
-  std::string reason;
-  try {
-    ChildProcess report(setup);
-    const std::optional<ChildEnd> end = report.wait(kTimeout, stop);
-    if (end && end->success()) return;
-    reason = setup.program + " " + directory + ": " + (end ? end->text() : "stopped before its end");
-  } catch (const std::system_error& error) {
-    reason = error.what();
-  }
-  std::fprintf(stderr, "no report: %s; the figures are in results.csv\n", reason.c_str());
-}
-
 /// The part of rank 0.
 bool lead(const StudyOptions& options, RunPoolOptions& pool, MessagePassing& messages) {
   const Study study = readStudy(options.file);
@@ -199,7 +137,7 @@ bool lead(const StudyOptions& options, RunPoolOptions& pool, MessagePassing& mes
   const DirectoryLock lock(directory);
   // They belong to the study as it was; without them, nobody takes them for those of this one.
   for (const char* name : {"/results.csv", "/report.html"}) removeFile(directory + name);
-  writeFile(directory + "/study.yaml", toYaml(study));
+  replaceFile(directory + "/study.yaml", toYaml(study));
 
   std::vector<RunJob> jobs;
   for (const StudyRun& run : study.runs) jobs.push_back({directory + "/" + runDirectory(study, run), run.scenario});
@@ -223,7 +161,7 @@ bool lead(const StudyOptions& options, RunPoolOptions& pool, MessagePassing& mes
                  progress.finished(), jobs.size());
     return false;
   }
-  writeFile(directory + "/results.csv", resultsCsv(study, directory, statuses));
+  replaceFile(directory + "/results.csv", resultsCsv(study, directory, statuses));
   std::printf("%s/study.yaml\n%s/results.csv\n", directory.c_str(), directory.c_str());
   std::fflush(stdout);
   bool all_done = true;
@@ -233,7 +171,9 @@ bool lead(const StudyOptions& options, RunPoolOptions& pool, MessagePassing& mes
     std::fprintf(stderr, "failed%s: %s: %s\n", statuses[i].earlier ? " before (--repeat-failed runs it again)" : "",
                  jobs[i].directory.c_str(), statuses[i].note.c_str());
   }
-  if (options.report) makeReport(directory, options.stop);
+  if (options.report && !makeReport("study_report", directory, options.stop)) {
+    std::fprintf(stderr, "the figures are in results.csv\n");
+  }
   return all_done;
 }
 

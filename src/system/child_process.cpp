@@ -1,7 +1,9 @@
 #include "brash_ice_rig/system/child_process.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
+#include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <system_error>
@@ -9,6 +11,7 @@
 #include <utility>
 
 #include <fcntl.h>
+#include <sched.h>
 #include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -131,6 +134,30 @@ void ChildProcess::sendSignal(int number) {
 std::string programBesideThis(const std::string& name) {
   std::error_code error;
   return (std::filesystem::read_symlink("/proc/self/exe", error).parent_path() / name).string();
+}
+
+bool makeReport(const std::string& program, const std::string& directory, const std::function<bool()>& stop) {
+  constexpr std::chrono::minutes kTimeout{15};
+  ChildSetup setup;
+  setup.program = programBesideThis(program);
+  setup.arguments = {directory};
+  std::string reason;
+  try {
+    ChildProcess report(setup);
+    const std::optional<ChildEnd> end = report.wait(kTimeout, stop);
+    if (end && end->success()) return true;
+    reason = setup.program + " " + directory + ": " + (end ? end->text() : "stopped before its end");
+  } catch (const std::system_error& error) {
+    reason = error.what();
+  }
+  std::fprintf(stderr, "no report: %s\n", reason.c_str());
+  return false;
+}
+
+int coreCount() {
+  cpu_set_t set;
+  CPU_ZERO(&set);
+  return sched_getaffinity(0, sizeof set, &set) == 0 ? std::max(1, CPU_COUNT(&set)) : 1;
 }
 
 }  // namespace brash_ice_rig

@@ -204,7 +204,7 @@ TEST_F(StudyProgramTest, TerminationEndsTheRunsCleanlyAndTheSameCommandGoesOn) {
   // The directory is taken.
   const Outcome second = program("study study.yaml --out out --no-report");
   EXPECT_EQ(second.exit_code, 1);
-  EXPECT_TRUE(contains(second.text, "another study is at work there")) << second.text;
+  EXPECT_TRUE(contains(second.text, "another program is at work there")) << second.text;
 
   ASSERT_EQ(kill(pid, SIGTERM), 0);
   int status = 0;

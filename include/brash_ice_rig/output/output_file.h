@@ -21,6 +21,12 @@ class OutputError : public std::runtime_error {
 /// @throws OutputError
 void makeDirectory(const std::string& path);
 
+/// Replaces a file as a whole: it is the old one or the new one at every moment. @throws OutputError
+void replaceFile(const std::string& path, const std::string& text);
+
+/// Removes a file; one that is not there is fine. @throws OutputError
+void removeFile(const std::string& path);
+
 /// The shortest decimal text that reads back to the same bits, whatever the locale: "nan", "inf" and "-inf" too.
 std::string toText(double value);
 

@@ -62,4 +62,12 @@ class ChildProcess {
 /// Path of a program that lies beside the running one.
 std::string programBesideThis(const std::string& name);
 
+/// Has a program that lies beside the running one make the report of a directory. If it cannot, says so on stderr.
+/// @param stop  see ChildProcess::wait()
+/// @return whether it could
+bool makeReport(const std::string& program, const std::string& directory, const std::function<bool()>& stop);
+
+/// Cores that this process may use, at least 1.
+int coreCount();
+
 }  // namespace brash_ice_rig

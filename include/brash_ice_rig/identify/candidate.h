@@ -1,0 +1,66 @@
+#pragma once
+
+#include <functional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "brash_ice_rig/effects/effect_registry.h"
+#include "brash_ice_rig/identify/observation.h"
+
+namespace brash_ice_rig {
+
+/// One unknown of an effect: the force is linear in it as long as it is small.
+struct Amplitude {
+  std::string name;   ///< of the parameter
+  double step = 1.0;  ///< value at which the effect is simulated to see what it does
+  double prior_mean = 0.0, prior_sigma = 1.0;
+  bool positive = false;
+};
+
+/// A parameter as it is told in the end, with its 95 % interval.
+struct ParameterEstimate {
+  std::string key, unit;
+  double value = 0.0, low = 0.0, high = 0.0;
+  double prior_low = 0.0, prior_high = 0.0;
+};
+
+/// An effect with its shape decided, and what is left to be found.
+struct Variant {
+  const EffectDescription* effect = nullptr;
+  std::string label;  ///< tells the variants of an effect apart
+  std::vector<Amplitude> amplitudes;
+  /// Values of the effect's parameters for given amplitudes, the effect switched on.
+  std::function<void(EffectValues&, const Eigen::VectorXd&)> apply;
+  /// Estimates of all its parameters that a record can tell.
+  std::function<std::vector<ParameterEstimate>(const Eigen::VectorXd& amplitudes, const Eigen::MatrixXd& covariance)>
+      estimate;
+};
+
+/// The ways in which an effect is tried without a look at the record: amplitudes as the registry has them, the first
+/// shape parameter at its prior's median and one deviation above and below, the others at their defaults, and each
+/// switch once. block_drop and vessel_heave, whose times and periods are anywhere, have none: see findFalls(),
+/// findSwell().
+/// @param position  of the record: a measured one has the loss of hoist speed in it already
+std::vector<Variant> makeVariants(const EffectDescription& effect, PositionOrigin position);
+
+/// block_drop with falls at given times, s, at most 3, each within 1 s.
+Variant makeFalls(const std::vector<double>& times_s);
+
+/// vessel_heave with given periods, s, at most 3. Two amplitudes per period: of sine and cosine.
+Variant makeSwell(const std::vector<double>& periods_s);
+
+/// What a fall of 1 kg of ice takes off the force, N, roughly: for finding its time only.
+Eigen::VectorXd fallTemplate(double time_s, const Eigen::VectorXd& bin_time_s);
+
+/// What 1 m of heave as sine and as cosine does to the force, N, roughly, one column each: for finding its period only.
+/// @param force_n  of the baseline in the bins
+Eigen::MatrixXd swellTemplate(double period_s, const Observation& observation, const Eigen::VectorXd& force_n);
+
+/// Lets an effect of the load cell act on a force that is not zero where the empty rig hangs in the water.
+/// @param values  of an effect that is reading_only, enabled
+SimulatedForce throughLoadCell(const EffectValues& values, const Scenario& scenario, const SimulatedForce& force);
+
+}  // namespace brash_ice_rig

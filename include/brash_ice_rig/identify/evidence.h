@@ -1,0 +1,67 @@
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace brash_ice_rig {
+
+/// Data that are a mean plus columns times unknowns, plus errors of a known covariance up to a scale:
+///   y = offset + columns x + errors,  x ~ N(prior_mean, prior_sigma²),  errors ~ N(0, noise + kappa² discrepancy)
+struct LinearModel {
+  Eigen::VectorXd offset;
+  Eigen::MatrixXd columns;  ///< as many rows as data; may have no columns
+  Eigen::VectorXd prior_mean, prior_sigma;
+  std::vector<bool> positive;  ///< per column: the prior's negative half is folded away
+};
+
+/// Errors beside a linear model.
+struct ErrorModel {
+  Eigen::MatrixXd noise, discrepancy;
+  double log_kappa_sigma = 0.3;  ///< standard deviation of ln kappa, about 0
+};
+
+struct LinearFit {
+  double log_evidence = 0.0;  ///< with the prior of kappa at its mode
+  double kappa = 1.0;
+  Eigen::VectorXd x;            ///< most probable unknowns; positive ones are not negative
+  Eigen::MatrixXd covariance;   ///< of x, Gaussian
+  Eigen::VectorXd mean;         ///< offset + columns x
+  double chi2_per_datum = 0.0;  ///< (y − mean)ᵀ K⁻¹ (y − mean) / N, K of kappa = 1
+  Eigen::VectorXd whitened;     ///< L⁻¹ (y − mean), K = L Lᵀ of kappa = 1, in the order of the data
+};
+
+/// Fits by Bayes' rule. The evidence is that of the Gaussian model, with kappa at its most probable value within
+/// [1/4, 4]; for each positive column, times twice the probability that it is positive.
+/// @param y  data  @throws std::runtime_error if the covariance is not positive definite
+LinearFit fitLinear(const Eigen::VectorXd& y, const LinearModel& model, const ErrorModel& errors);
+
+/// What a change of the data does after everything else has been refitted: norms and products in the metric that
+/// fitLinear() uses, with the columns of the baseline projected out as far as their priors let them.
+class Detectability {
+ public:
+  Detectability(const LinearModel& baseline, const ErrorModel& errors, double kappa);
+
+  /// Detectability d′ of a change: its norm.
+  double of(const Eigen::VectorXd& change) const;
+  /// Cosine between two changes; 0 if one of them cannot be seen.
+  double correlation(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const;
+
+ private:
+  Eigen::MatrixXd inverse_;
+};
+
+/// Ljung and Box (1978): p-value that the first `lags` autocorrelations are those of white noise. 1 where there are too
+/// few values.
+double computeLjungBox(const Eigen::VectorXd& values, int lags);
+
+/// Autocorrelation at lags 0, 1, ..., n.
+std::vector<double> computeAutocorrelation(const Eigen::VectorXd& values, int n);
+
+/// Upper tail of the chi-square distribution. @param degrees  > 0
+double computeChiSquareTail(double value, double degrees);
+
+/// ln of the mean of exp(values). @param values  at least one
+double logMeanExp(const std::vector<double>& values);
+
+}  // namespace brash_ice_rig

@@ -1,0 +1,136 @@
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "brash_ice_rig/identify/candidate.h"
+#include "brash_ice_rig/identify/evidence.h"
+#include "brash_ice_rig/identify/observation.h"
+#include "brash_ice_rig/identify/record_check.h"
+#include "brash_ice_rig/identify/run_library.h"
+#include "brash_ice_rig/identify/thresholds.h"
+
+namespace brash_ice_rig {
+
+enum class Verdict { kNone, kEffect, kTie, kUnknown, kCannotTell };
+const char* verdictName(Verdict verdict);
+
+/// A parameter of the baseline that is refitted.
+struct BaselineParameter {
+  std::string key, unit;
+  double prior = 0.0, prior_sigma = 1.0;
+  double fitted = 0.0, sigma = 0.0;
+};
+
+/// How far a curve is from a record; before the motion starts does not count.
+struct CurveError {
+  double rmse_n = 0.0;
+  double nrmse_ratio = 0.0;             ///< over the record's largest 1 s mean
+  double peak_error_n = 0.0;            ///< of the largest 1 s mean, curve less record
+  double peak_time_error_s = 0.0;       ///< of its time
+  double residual_level_error_n = 0.0;  ///< of the mean of the last 4.5 s
+  double max_abs_n = 0.0;
+  double ljung_box_p = 0.0;  ///< of the whitened residual, 20 lags
+};
+
+/// One record with what was computed for it.
+struct RecordCurves {
+  std::string path;
+  Record record;
+  RecordReport report;
+  Observation observation;
+  Eigen::VectorXd baseline_n, refitted_n, with_effect_n;  ///< in its bins; the last empty without a verdict
+  Eigen::VectorXd total_sigma_n;                          ///< noise and discrepancy
+  CurveError before, refitted, after;
+};
+
+/// One explanation: an effect, or two, in the shape that fits best.
+struct Explanation {
+  std::vector<std::string> effects;
+  std::string shape;
+  double log_bayes_factor = 0.0;
+  double threshold = 0.0;
+  double explained_ratio = 0.0;
+  double chi2_per_bin = 0.0;
+  double portmanteau_p = 0.0;
+  double detectability = 0.0;  ///< d' of what was found
+  bool confirmed = false;      ///< by simulation with the effect switched on
+  double rmse_n = 0.0;
+  double holdout_rmse_n = 0.0, holdout_ratio = 0.0;  ///< NaN without
+  std::vector<ParameterEstimate> parameters;
+  std::vector<double> baseline;  ///< fitted, in the order of Identification::baseline
+  std::string note;
+};
+
+struct DetectableMagnitude {
+  std::string effect, key, unit;
+  double value = 0.0;                   ///< at d' = Thresholds::detectability
+  double expected_detectability = 0.0;  ///< of an effect as large as its prior expects
+};
+
+struct ConfusableSet {
+  std::vector<std::string> effects;
+  double correlation = 0.0;
+  std::string how_to_tell;
+};
+
+struct NextExperiment {
+  std::string text;
+  std::vector<std::string> separates;
+};
+
+/// All that an identification found out.
+struct Identification {
+  Verdict verdict = Verdict::kCannotTell;
+  std::vector<std::string> effects;  ///< best first; of a tie all that it is between
+  std::vector<std::string> summary;  ///< sentences for people
+  bool significant = false;
+  double chi2_per_bin = 0.0, portmanteau_p = 1.0, kappa = 1.0;
+  std::size_t bins = 0;
+  std::vector<Explanation> ranking;  ///< the likeliest first
+  std::vector<BaselineParameter> baseline;
+  std::vector<RecordCurves> records;  ///< those that were fitted
+  std::vector<RecordCurves> holdout;  ///< one or none
+  std::vector<DetectableMagnitude> minimum_detectable;
+  std::vector<ConfusableSet> confusable;
+  std::vector<NextExperiment> next_experiment;
+  std::vector<double> autocorrelation_before, autocorrelation_after;
+  std::string overlay;  ///< YAML of baseline and effect; empty if there is nothing to change
+  std::size_t runs_needed = 0, runs_made = 0;
+  double wall_s = 0.0;
+};
+
+struct NamedRecord {
+  std::string path;  ///< as the user calls it
+  Record record;
+};
+
+struct IdentifyInput {
+  std::vector<NamedRecord> records;    ///< at least one; fitted together
+  std::optional<NamedRecord> holdout;  ///< must be predicted
+};
+
+/// The whole chain from records to a verdict.
+/// @throws ConfigError if a record cannot be used; Interrupted
+Identification identify(const IdentifyInput& input, RunLibrary& runs, const Thresholds& thresholds,
+                        const Discrepancy& discrepancy);
+
+/// report.json; the schema is in doc/identification.md.
+std::string toJson(const Identification& identification, const Thresholds& thresholds, const Discrepancy& discrepancy);
+
+struct IdentifyOptions {
+  IdentifyInput input;
+  std::string directory;       ///< for the results
+  std::string cache;           ///< for the runs; empty: directory/runs
+  int children = 0;            ///< runs at a time; 0: one per core
+  bool report = true;          ///< make report.html in the end
+  std::function<bool()> stop;  ///< says true when all is to end
+};
+
+/// Identifies and leaves report.json, overlay.yaml, report.html. Under mpirun every process calls this.
+/// @return false after an interruption
+bool runIdentify(const IdentifyOptions& options);
+
+}  // namespace brash_ice_rig

@@ -1,0 +1,304 @@
+#include "brash_ice_rig/identify/candidate.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <memory>
+
+#include "brash_ice_rig/config/number_check.h"
+#include "brash_ice_rig/effects/effect.h"
+
+namespace brash_ice_rig {
+namespace {
+
+constexpr double kDegree = 3.14159265358979323846 / 180.0;
+constexpr double kFallDurationS = 1.0;
+constexpr double kTwoSided95 = 1.96;
+
+/// Central 95 % of a prior.
+std::pair<double, double> priorInterval(const Prior& prior) {
+  switch (prior.kind) {
+    case PriorKind::kUniform:
+      return {prior.a + 0.025 * (prior.b - prior.a), prior.b - 0.025 * (prior.b - prior.a)};
+    case PriorKind::kNormal:
+      return {prior.a - kTwoSided95 * prior.b, prior.a + kTwoSided95 * prior.b};
+    case PriorKind::kLogNormal:
+      return {prior.a * std::exp(-kTwoSided95 * prior.b), prior.a * std::exp(kTwoSided95 * prior.b)};
+    case PriorKind::kHalfNormal:
+      return {0.0, kTwoSided95 * prior.b};
+    case PriorKind::kNone:
+      break;
+  }
+  return {0.0, 0.0};
+}
+
+Amplitude makeAmplitude(const EffectParameter& p) {
+  Amplitude a;
+  a.name = p.name;
+  switch (p.prior.kind) {
+    case PriorKind::kHalfNormal:
+      a.prior_sigma = p.prior.b;
+      a.positive = true;
+      break;
+    case PriorKind::kLogNormal:
+      a.prior_mean = p.prior.a;
+      a.prior_sigma = p.prior.a * p.prior.b;
+      a.positive = true;
+      break;
+    case PriorKind::kUniform:
+      a.prior_mean = 0.5 * (p.prior.a + p.prior.b);
+      a.prior_sigma = (p.prior.b - p.prior.a) / std::sqrt(12.0);
+      break;
+    default:
+      a.prior_mean = p.prior.a;
+      a.prior_sigma = p.prior.b;
+  }
+  // Large against the scatter between arrangements of the blocks, within what is believed.
+  a.step = std::clamp(std::max(a.prior_sigma, std::abs(a.prior_mean)), p.range.min, p.range.max);
+  return a;
+}
+
+const EffectDescription& describedAs(const std::string& name) {
+  for (const EffectDescription& effect : effectRegistry()) {
+    if (name == effect.name) return effect;
+  }
+  assert(false && "an effect of the library");
+  return effectRegistry().front();
+}
+
+const EffectParameter& parameterOf(const EffectDescription& effect, const std::string& name) {
+  for (const EffectParameter& p : effect.parameters) {
+    if (name == p.name) return p;
+  }
+  assert(false && "a parameter of the effect");
+  return effect.parameters.front();
+}
+
+std::string keyOf(const EffectDescription& effect, const std::string& parameter) {
+  return std::string("effects.") + effect.name + "." + parameter;
+}
+
+ParameterEstimate estimateOf(const EffectDescription& effect, const EffectParameter& p, double value, double sigma) {
+  ParameterEstimate e;
+  e.key = keyOf(effect, p.name);
+  e.unit = p.unit;
+  e.value = value;
+  e.low = std::max(value - kTwoSided95 * sigma, p.range.min);
+  e.high = std::min(value + kTwoSided95 * sigma, p.range.max);
+  std::tie(e.prior_low, e.prior_high) = priorInterval(p.prior);
+  return e;
+}
+
+double clampTo(const EffectParameter& p, double value) {
+  return std::clamp(value, p.range.min, p.range.max);
+}
+
+/// An effect with the amplitudes of the registry and some parameters given.
+Variant makePlain(const EffectDescription& effect, const std::vector<const EffectParameter*>& amplitudes,
+                  const std::vector<std::pair<std::string, double>>& given) {
+  Variant v;
+  v.effect = &effect;
+  for (const auto& [name, value] : given) {
+    v.label += (v.label.empty() ? "" : ", ") + name + " = " + formatNumber(value);
+  }
+  for (const EffectParameter* p : amplitudes) v.amplitudes.push_back(makeAmplitude(*p));
+  v.apply = [&effect, amplitudes, given](EffectValues& values, const Eigen::VectorXd& a) {
+    values.enabled = true;
+    for (const EffectParameter& p : effect.parameters) {
+      if (p.role == ParameterRole::kAmplitude) values.set(p.name, 0.0);
+    }
+    for (const auto& [name, value] : given) values.set(name, value);
+    for (std::size_t k = 0; k < amplitudes.size(); ++k) {
+      values.set(amplitudes[k]->name, clampTo(*amplitudes[k], a[static_cast<Eigen::Index>(k)]));
+    }
+  };
+  v.estimate = [&effect, amplitudes](const Eigen::VectorXd& a, const Eigen::MatrixXd& covariance) {
+    std::vector<ParameterEstimate> estimates;
+    for (std::size_t k = 0; k < amplitudes.size(); ++k) {
+      const auto i = static_cast<Eigen::Index>(k);
+      estimates.push_back(estimateOf(effect, *amplitudes[k], a[i], std::sqrt(covariance(i, i))));
+    }
+    return estimates;
+  };
+  return v;
+}
+
+}  // namespace
+
+std::vector<Variant> makeVariants(const EffectDescription& effect, PositionOrigin position) {
+  const std::string name = effect.name;
+  if (name == "block_drop" || name == "vessel_heave") return {};
+  if (name == "crane_speed" && position == PositionOrigin::kMeasured) return {};
+
+  // Amplitudes that the defaults have switched on belong together; each that they leave at zero is tried alone.
+  std::vector<std::vector<const EffectParameter*>> groups(1);
+  for (const EffectParameter& p : effect.parameters) {
+    if (p.role != ParameterRole::kAmplitude || p.prior.kind == PriorKind::kNone) continue;
+    if (p.default_value != 0.0) {
+      groups.front().push_back(&p);
+    } else {
+      groups.push_back({&p});
+    }
+  }
+  std::vector<std::vector<std::pair<std::string, double>>> shapes{{}};
+  bool has_main_shape = false;
+  for (const EffectParameter& p : effect.parameters) {
+    if (p.role == ParameterRole::kShape && p.prior.kind == PriorKind::kLogNormal && !has_main_shape &&
+        groups.size() == 1) {
+      has_main_shape = true;
+      shapes.clear();
+      for (const double deviations : {-1.0, 0.0, 1.0}) {
+        shapes.push_back({{p.name, clampTo(p, p.prior.a * std::exp(deviations * p.prior.b))}});
+      }
+    }
+    if (p.kind == EffectParameter::Kind::kSwitch) {
+      // With the switch, the middle of the shapes is enough.
+      auto switched = shapes[shapes.size() / 2];
+      switched.emplace_back(p.name, 1.0);
+      shapes.push_back(switched);
+    }
+    if (p.kind == EffectParameter::Kind::kWhole && std::string(p.name) == "seed") {
+      std::vector<std::vector<std::pair<std::string, double>>> seeded;
+      for (const double seed : {1.0, 2.0, 3.0}) {
+        seeded.push_back(shapes[shapes.size() / 2]);
+        seeded.back().emplace_back(p.name, seed);
+      }
+      shapes = seeded;
+    }
+  }
+  std::vector<Variant> variants;
+  for (const auto& group : groups) {
+    if (group.empty()) continue;
+    for (const auto& shape : shapes) variants.push_back(makePlain(effect, group, shape));
+  }
+  return variants;
+}
+
+Variant makeFalls(const std::vector<double>& times_s) {
+  assert(!times_s.empty() && times_s.size() <= 3);
+  const EffectDescription& effect = describedAs("block_drop");
+  Variant v;
+  v.effect = &effect;
+  const auto named = [](const char* stem, std::size_t k, const char* unit) {
+    return std::string(stem) + "_" + std::to_string(k + 1) + "_" + unit;
+  };
+  for (std::size_t k = 0; k < times_s.size(); ++k) {
+    v.label += (k == 0 ? "at " : " and ") + formatNumber(times_s[k]) + " s";
+    v.amplitudes.push_back(makeAmplitude(parameterOf(effect, named("mass", k, "kg"))));
+  }
+  v.apply = [times_s, named, &effect](EffectValues& values, const Eigen::VectorXd& a) {
+    values.enabled = true;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const bool used = k < times_s.size();
+      const double mass = used ? a[static_cast<Eigen::Index>(k)] : 0.0;
+      values.set(named("mass", k, "kg"), clampTo(parameterOf(effect, named("mass", k, "kg")), mass));
+      if (!used) continue;
+      values.set(named("time", k, "s"), times_s[k]);
+      values.set(named("duration", k, "s"), kFallDurationS);
+    }
+  };
+  v.estimate = [times_s, named, &effect](const Eigen::VectorXd& a, const Eigen::MatrixXd& covariance) {
+    std::vector<ParameterEstimate> estimates;
+    for (std::size_t k = 0; k < times_s.size(); ++k) {
+      const auto i = static_cast<Eigen::Index>(k);
+      estimates.push_back(
+          estimateOf(effect, parameterOf(effect, named("mass", k, "kg")), a[i], std::sqrt(covariance(i, i))));
+      // The time is known to the grid on which it was looked for.
+      estimates.push_back(estimateOf(effect, parameterOf(effect, named("time", k, "s")), times_s[k], 0.5));
+    }
+    return estimates;
+  };
+  return v;
+}
+
+Variant makeSwell(const std::vector<double>& periods_s) {
+  assert(!periods_s.empty() && periods_s.size() <= 3);
+  const EffectDescription& effect = describedAs("vessel_heave");
+  Variant v;
+  v.effect = &effect;
+  const auto named = [](const char* stem, std::size_t k, const char* unit) {
+    return std::string(stem) + "_" + std::to_string(k + 1) + "_" + unit;
+  };
+  for (std::size_t k = 0; k < periods_s.size(); ++k) {
+    v.label += (k == 0 ? "period " : " and ") + formatNumber(periods_s[k]) + " s";
+    for (const char* part : {"sine", "cosine"}) {
+      Amplitude a = makeAmplitude(parameterOf(effect, named("amplitude", k, "m")));
+      a.name += std::string(" (") + part + ")";
+      a.positive = false;
+      v.amplitudes.push_back(a);
+    }
+  }
+  v.apply = [periods_s, named, &effect](EffectValues& values, const Eigen::VectorXd& a) {
+    values.enabled = true;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const bool used = k < periods_s.size();
+      const auto i = static_cast<Eigen::Index>(2 * k);
+      const double size = used ? std::hypot(a[i], a[i + 1]) : 0.0;
+      values.set(named("amplitude", k, "m"), clampTo(parameterOf(effect, named("amplitude", k, "m")), size));
+      if (!used) continue;
+      values.set(named("period", k, "s"), periods_s[k]);
+      values.set(named("phase", k, "deg"), std::atan2(a[i + 1], a[i]) / kDegree);
+    }
+  };
+  v.estimate = [periods_s, named, &effect](const Eigen::VectorXd& a, const Eigen::MatrixXd& covariance) {
+    std::vector<ParameterEstimate> estimates;
+    for (std::size_t k = 0; k < periods_s.size(); ++k) {
+      const auto i = static_cast<Eigen::Index>(2 * k);
+      const double size = std::hypot(a[i], a[i + 1]);
+      const Eigen::Vector2d along = size > 0.0 ? Eigen::Vector2d(a.segment<2>(i) / size) : Eigen::Vector2d(1.0, 0.0);
+      const Eigen::Vector2d across(-along.y(), along.x());
+      const Eigen::Matrix2d c = covariance.block<2, 2>(i, i);
+      estimates.push_back(
+          estimateOf(effect, parameterOf(effect, named("amplitude", k, "m")), size, std::sqrt(along.dot(c * along))));
+      estimates.push_back(
+          estimateOf(effect, parameterOf(effect, named("period", k, "s")), periods_s[k], 0.05 * periods_s[k]));
+      const double phase_sigma = size > 0.0 ? std::sqrt(across.dot(c * across)) / size / kDegree : 180.0;
+      estimates.push_back(estimateOf(effect, parameterOf(effect, named("phase", k, "deg")),
+                                     std::atan2(a[i + 1], a[i]) / kDegree, phase_sigma));
+    }
+    return estimates;
+  };
+  return v;
+}
+
+Eigen::VectorXd fallTemplate(double time_s, const Eigen::VectorXd& bin_time_s) {
+  return -kGravityMps2 * ((bin_time_s.array() - time_s) / kFallDurationS).max(0.0).min(1.0).matrix();
+}
+
+Eigen::MatrixXd swellTemplate(double period_s, const Observation& o, const Eigen::VectorXd& force_n) {
+  const Eigen::Index n = o.time_s.size();
+  // Slope of the force over the way, from 2 s before to 2 s after: pulling further breaks off more ice. Where the force
+  // falls, a hoist that yields still unloads ice.
+  constexpr Eigen::Index kReach = 8;
+  const double pitch = 2.0 * std::acos(-1.0) / period_s, least_stiffness = 0.2 * force_n.cwiseAbs().maxCoeff();
+  Eigen::MatrixXd columns(n, 2);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const Eigen::Index before = std::max<Eigen::Index>(i - kReach, 0),
+                       after = std::min<Eigen::Index>(i + kReach, n - 1);
+    const double way = std::abs(o.travel_m[after] - o.travel_m[before]);
+    const double slope = way > 0.02 ? std::abs(force_n[after] - force_n[before]) / way : 0.0;
+    const double mass = std::max(force_n[i], 0.0) / kGravityMps2;
+    const double per_metre = std::max(slope, least_stiffness) - mass * pitch * pitch;
+    const double fade = computeFade(o.time_s[i] / kFadeInS).value;
+    columns(i, 0) = fade * per_metre * std::sin(pitch * o.time_s[i]);
+    columns(i, 1) = fade * per_metre * std::cos(pitch * o.time_s[i]);
+  }
+  return columns;
+}
+
+SimulatedForce throughLoadCell(const EffectValues& values, const Scenario& scenario, const SimulatedForce& force) {
+  assert(values.description().reading_only && values.enabled);
+  SimulatedForce read = force;
+  const double dt = force.time_s.size() > 1 ? force.time_s[1] - force.time_s[0] : 1.0;
+  for (std::vector<double>* reading : {&read.force_n, &read.empty_force_n}) {
+    const std::unique_ptr<Effect> effect = values.description().make(values, scenario);
+    for (std::size_t i = 0; i < reading->size(); ++i) {
+      Eigen::Vector3d now(0.0, 0.0, (*reading)[i]);
+      effect->updateReading(force.time_s[i], dt, now);
+      (*reading)[i] = now.z();
+    }
+  }
+  return read;
+}
+
+}  // namespace brash_ice_rig

@@ -1,0 +1,207 @@
+#include "brash_ice_rig/identify/evidence.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include <Eigen/Cholesky>
+#include <nlopt.hpp>
+
+namespace brash_ice_rig {
+namespace {
+
+constexpr double kMaxKappa = 4.0;
+
+Eigen::LLT<Eigen::MatrixXd> factor(const Eigen::MatrixXd& covariance) {
+  Eigen::LLT<Eigen::MatrixXd> llt(covariance);
+  if (llt.info() != Eigen::Success) throw std::runtime_error("the covariance of the errors is not positive definite");
+  return llt;
+}
+
+double logDeterminant(const Eigen::LLT<Eigen::MatrixXd>& llt) {
+  double sum = 0.0;
+  for (Eigen::Index i = 0; i < llt.rows(); ++i) sum += 2.0 * std::log(llt.matrixLLT()(i, i));
+  return sum;
+}
+
+/// Everything that one value of kappa gives.
+struct Solution {
+  double log_evidence;
+  Eigen::VectorXd x;
+  Eigen::MatrixXd covariance;
+};
+
+Solution solve(const Eigen::VectorXd& y, const LinearModel& m, const ErrorModel& errors, double kappa) {
+  const auto llt = factor(errors.noise + kappa * kappa * errors.discrepancy);
+  const Eigen::VectorXd r = llt.matrixL().solve(y - m.offset - m.columns * m.prior_mean);
+  Solution s;
+  const double n = static_cast<double>(y.size());
+  s.log_evidence = -0.5 * (r.squaredNorm() + logDeterminant(llt) + n * std::log(2.0 * std::acos(-1.0)));
+  const double log_kappa = std::log(kappa) / errors.log_kappa_sigma;
+  s.log_evidence -= 0.5 * log_kappa * log_kappa;
+  const Eigen::Index count = m.columns.cols();
+  s.x = m.prior_mean;
+  s.covariance = Eigen::MatrixXd::Zero(count, count);
+  if (count == 0) return s;
+
+  // In units of the priors' deviations: A = I + Gᵀ K⁻¹ G.
+  const Eigen::MatrixXd g = llt.matrixL().solve(m.columns * m.prior_sigma.asDiagonal());
+  const Eigen::MatrixXd a = Eigen::MatrixXd::Identity(count, count) + g.transpose() * g;
+  const auto a_llt = factor(a);
+  const Eigen::VectorXd b = g.transpose() * r;
+  Eigen::VectorXd z = a_llt.solve(b);
+  s.log_evidence += 0.5 * b.dot(z) - 0.5 * logDeterminant(a_llt);
+  const Eigen::MatrixXd inverse = a_llt.solve(Eigen::MatrixXd::Identity(count, count));
+  s.covariance = m.prior_sigma.asDiagonal() * inverse * m.prior_sigma.asDiagonal();
+
+  // Positive ones: the share of the probability on their side, doubled because the prior has only that side.
+  std::vector<bool> fixed(static_cast<std::size_t>(count), false);
+  for (Eigen::Index k = 0; k < count; ++k) {
+    if (!m.positive[static_cast<std::size_t>(k)]) continue;
+    const double scaled = z[k] / std::sqrt(inverse(k, k));
+    s.log_evidence += std::log(std::max(std::erfc(-scaled / std::sqrt(2.0)), std::numeric_limits<double>::min()));
+  }
+  // The mode: negative ones are put to zero, one after the other, and the rest is solved again.
+  for (Eigen::Index pass = 0; pass < count; ++pass) {
+    Eigen::Index worst = -1;
+    for (Eigen::Index k = 0; k < count; ++k) {
+      if (m.positive[static_cast<std::size_t>(k)] && !fixed[static_cast<std::size_t>(k)] && z[k] < 0.0 &&
+          (worst < 0 || z[k] < z[worst])) {
+        worst = k;
+      }
+    }
+    if (worst < 0) break;
+    fixed[static_cast<std::size_t>(worst)] = true;
+    Eigen::MatrixXd held = a;
+    Eigen::VectorXd right = b;
+    for (Eigen::Index k = 0; k < count; ++k) {
+      if (!fixed[static_cast<std::size_t>(k)]) continue;
+      held.row(k).setZero();
+      held.col(k).setZero();
+      held(k, k) = 1.0;
+      right[k] = 0.0;
+    }
+    z = held.ldlt().solve(right);
+  }
+  s.x = m.prior_mean + m.prior_sigma.cwiseProduct(z);
+  return s;
+}
+
+}  // namespace
+
+LinearFit fitLinear(const Eigen::VectorXd& y, const LinearModel& m, const ErrorModel& errors) {
+  assert(m.offset.size() == y.size() && m.columns.rows() == y.size());
+  assert(m.prior_mean.size() == m.columns.cols() && m.prior_sigma.size() == m.columns.cols());
+  assert(m.positive.size() == static_cast<std::size_t>(m.columns.cols()));
+  nlopt::opt search(nlopt::LN_BOBYQA, 1);
+  const double bound = std::log(kMaxKappa);
+  search.set_lower_bounds(-bound);
+  search.set_upper_bounds(bound);
+  search.set_xtol_abs(1e-3);
+  search.set_maxeval(60);
+  struct Task {
+    const Eigen::VectorXd& y;
+    const LinearModel& model;
+    const ErrorModel& errors;
+  } task{y, m, errors};
+  search.set_max_objective(
+      [](unsigned, const double* x, double*, void* data) {
+        const auto& t = *static_cast<const Task*>(data);
+        return solve(t.y, t.model, t.errors, std::exp(x[0])).log_evidence;
+      },
+      &task);
+  std::vector<double> log_kappa{0.0};
+  double best = 0.0;
+  search.optimize(log_kappa, best);
+
+  LinearFit fit;
+  fit.kappa = std::exp(log_kappa[0]);
+  const Solution s = solve(y, m, errors, fit.kappa);
+  fit.log_evidence = s.log_evidence;
+  fit.x = s.x;
+  fit.covariance = s.covariance;
+  fit.mean = m.offset + m.columns * s.x;
+  fit.whitened = factor(errors.noise + errors.discrepancy).matrixL().solve(y - fit.mean);
+  fit.chi2_per_datum = fit.whitened.squaredNorm() / static_cast<double>(y.size());
+  return fit;
+}
+
+Detectability::Detectability(const LinearModel& baseline, const ErrorModel& errors, double kappa) {
+  const Eigen::MatrixXd scaled = baseline.columns * baseline.prior_sigma.asDiagonal();
+  const auto llt = factor(errors.noise + kappa * kappa * errors.discrepancy + scaled * scaled.transpose());
+  inverse_ = llt.solve(Eigen::MatrixXd::Identity(llt.rows(), llt.rows()));
+}
+
+double Detectability::of(const Eigen::VectorXd& change) const {
+  return std::sqrt(std::max(0.0, change.dot(inverse_ * change)));
+}
+
+double Detectability::correlation(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const {
+  const double norms = of(a) * of(b);
+  return norms > 0.0 ? a.dot(inverse_ * b) / norms : 0.0;
+}
+
+std::vector<double> computeAutocorrelation(const Eigen::VectorXd& values, int n) {
+  const Eigen::VectorXd centred = values.array() - values.mean();
+  const double variance = centred.squaredNorm();
+  std::vector<double> r;
+  for (int lag = 0; lag <= n; ++lag) {
+    const Eigen::Index rest = centred.size() - lag;
+    r.push_back(rest > 0 && variance > 0.0 ? centred.head(rest).dot(centred.tail(rest)) / variance : 0.0);
+  }
+  return r;
+}
+
+double computeChiSquareTail(double value, double degrees) {
+  // Regularised upper incomplete gamma function Q(a, x): series below a + 1, continued fraction above (Press et al.,
+  // Numerical Recipes, section 6.2).
+  const double a = 0.5 * degrees, x = 0.5 * value;
+  if (!(x > 0.0)) return 1.0;
+  const double front = std::exp(-x + a * std::log(x) - std::lgamma(a));
+  if (x < a + 1.0) {
+    double term = 1.0 / a, sum = term;
+    for (int k = 1; k < 1000 && term > sum * 1e-15; ++k) {
+      term *= x / (a + k);
+      sum += term;
+    }
+    return 1.0 - front * sum;
+  }
+  constexpr double kTiny = 1e-300;
+  double b = x + 1.0 - a, c = 1.0 / kTiny, d = 1.0 / b, h = d;
+  for (int k = 1; k < 1000; ++k) {
+    const double an = -k * (k - a);
+    b += 2.0;
+    d = an * d + b;
+    if (std::abs(d) < kTiny) d = kTiny;
+    c = b + an / c;
+    if (std::abs(c) < kTiny) c = kTiny;
+    d = 1.0 / d;
+    const double factor = d * c;
+    h *= factor;
+    if (std::abs(factor - 1.0) < 1e-15) break;
+  }
+  return front * h;
+}
+
+double computeLjungBox(const Eigen::VectorXd& values, int lags) {
+  const double n = static_cast<double>(values.size());
+  if (n < 3.0 * lags) return 1.0;
+  const std::vector<double> r = computeAutocorrelation(values, lags);
+  double q = 0.0;
+  for (int lag = 1; lag <= lags; ++lag)
+    q += r[static_cast<std::size_t>(lag)] * r[static_cast<std::size_t>(lag)] / (n - lag);
+  return computeChiSquareTail(n * (n + 2.0) * q, lags);
+}
+
+double logMeanExp(const std::vector<double>& values) {
+  assert(!values.empty());
+  const double largest = *std::max_element(values.begin(), values.end());
+  if (!std::isfinite(largest)) return largest;
+  double sum = 0.0;
+  for (const double value : values) sum += std::exp(value - largest);
+  return largest + std::log(sum / static_cast<double>(values.size()));
+}
+
+}  // namespace brash_ice_rig

@@ -1,0 +1,1172 @@
+#include "brash_ice_rig/identify/identification.h"
+
+#include <algorithm>
+#include <cassert>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <map>
+#include <memory>
+#include <numeric>
+#include <optional>
+#include <set>
+
+#include <Eigen/Cholesky>
+
+#include "brash_ice_rig/config/number_check.h"
+#include "brash_ice_rig/identify/overlay.h"
+
+namespace brash_ice_rig {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+// Arrangements of the blocks, seeds from 1 on: those from which the simulator's own scatter is known, and those on
+// which differences are taken.
+constexpr int kEnsemble = 6, kPairs = 2;
+/// Where the blocks lie exactly on a lattice, seeds would change nothing.
+constexpr double kJitterRatio = 0.1;
+/// Samples of a simulated force per second: five per bin.
+constexpr double kSampleRateHz = 20.0;
+/// Explanations that are confirmed by simulation, and the passes of Gauss-Newton for each.
+constexpr std::size_t kConfirmed = 4;
+constexpr int kPasses = 2;
+constexpr int kLags = 20;
+constexpr double kMeanWindowS = 1.0, kResidualWindowS = 4.5;
+
+// What is believed of the ice where the manifest does not say, as standard deviations.
+constexpr double kVoidSigma = 0.06, kCohesionShare = 0.5, kFrictionSigmaDeg = 5.0;
+/// Water between rim and ice at the start that nobody measured, m.
+constexpr double kGapSigmaM = 0.05;
+
+// Unknowns of the baseline: those of the ice, which records share, then two for each record.
+constexpr Eigen::Index kIceUnknowns = 3, kOwnUnknowns = 2;
+
+struct IceUnknown {
+  const char *key, *unit;
+  double IceConfig::*member;
+  double prior, sigma, low, high;
+};
+
+std::vector<IceUnknown> iceUnknowns(const Record& record) {
+  const IceConfig& ice = record.scenario.ice;
+  std::vector<IceUnknown> unknowns = {
+      {"ice.void_fraction", "1", &IceConfig::void_fraction, ice.void_fraction, kVoidSigma, 0.05, 0.95},
+      {"ice.cohesion_pa", "Pa", &IceConfig::cohesion_pa, ice.cohesion_pa, kCohesionShare * ice.cohesion_pa, 1.0, 1.0e5},
+      {"ice.friction_angle_deg", "deg", &IceConfig::friction_angle_deg, ice.friction_angle_deg, kFrictionSigmaDeg, 5.0,
+       70.0}};
+  for (IceUnknown& u : unknowns) {
+    for (const KnownValue& known : record.ice) {
+      if (known.key == u.key && known.sigma) u.sigma = *known.sigma;
+    }
+  }
+  return unknowns;
+}
+
+Eigen::VectorXd stacked(const std::vector<Eigen::VectorXd>& parts) {
+  Eigen::Index size = 0;
+  for (const Eigen::VectorXd& part : parts) size += part.size();
+  Eigen::VectorXd all(size);
+  size = 0;
+  for (const Eigen::VectorXd& part : parts) {
+    all.segment(size, part.size()) = part;
+    size += part.size();
+  }
+  return all;
+}
+
+/// A record with its simulations.
+struct Site {
+  RecordCurves curves;
+  Scenario scenario;  ///< of the baseline as given
+  Eigen::VectorXd mean_n, chaos_n;
+  Eigen::MatrixXd slopes;  ///< a column per unknown of the baseline that this record has: ice, gap, clock
+  Eigen::Index first_row = 0;
+
+  const Observation& observation() const { return curves.observation; }
+  Eigen::Index rows() const { return curves.observation.time_s.size(); }
+  const std::vector<double>& pick(const SimulatedForce& f) const {
+    return curves.observation.ice_contact ? f.force_n : f.empty_force_n;
+  }
+  Eigen::VectorXd bins(const SimulatedForce& f, double delay_s = 0.0) const {
+    return binned(f.time_s, pick(f), curves.observation.time_s, delay_s);
+  }
+};
+
+/// A model at the point where it was simulated last.
+struct Model {
+  std::vector<const Variant*> variants;
+  double shape_log_odds = 0.0;  ///< what the choice of the shape costs, <= 0
+  Eigen::VectorXd offset;       ///< such that offset + columns x is the force
+  Eigen::MatrixXd effect_columns;
+  LinearFit fit;
+  Eigen::VectorXd x;        ///< at which it was simulated
+  Eigen::VectorXd curve_n;  ///< simulated there
+  bool simulated = false, frozen = false;
+};
+
+class Chain {
+ public:
+  Chain(const IdentifyInput& input, RunLibrary& runs, const Thresholds& thresholds, const Discrepancy& discrepancy)
+      : input_(input), runs_(runs), thresholds_(thresholds), discrepancy_(discrepancy) {}
+
+  Identification run();
+
+ private:
+  Site makeSite(const NamedRecord& named) const;
+  Scenario scenarioAt(const Site& site, const Eigen::VectorXd& x, std::size_t index,
+                      const std::vector<const Variant*>& variants, int seed) const;
+  Eigen::Index unknowns() const { return kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(sites_.size()); }
+  void simulateBaseline();
+  void addVariants();
+  void computeSignatures(const std::vector<const Variant*>& variants, const std::string& what);
+  std::vector<std::string> requestSignature(const Site& site, const Variant& variant);
+  Eigen::MatrixXd signature(const Site& site, const Variant& variant);
+  LinearModel linearModel(const Model& model) const;
+  void refit(Model& model) const { model.fit = fitLinear(data_, linearModel(model), errors_); }
+  Model linear(const std::vector<const Variant*>& variants) const;
+  void findFalls(const Model& start, std::vector<double>& times, double& log_odds) const;
+  void findSwell(const Model& start, std::vector<double>& periods, double& log_odds) const;
+  void locate(const Model& start, const std::string& what);
+  void confirm(std::vector<Model*> models, const std::string& what);
+  Eigen::VectorXd clipped(const Model& model, Eigen::VectorXd x) const;
+  std::optional<Eigen::VectorXd> simulated(const Model& model, const Eigen::VectorXd& x, bool request_only);
+  Explanation explain(const Model& model, const Model& baseline) const;
+  void addSecondEffect(std::vector<Model>& models, const Model& baseline);
+  void evaluateHoldout(const std::vector<Model*>& models, Identification& result, const std::vector<Model*>& shown);
+  void addDetectable(Identification& result, const Model& baseline) const;
+  void decide(Identification& result, const Model& baseline);
+
+  const IdentifyInput& input_;
+  RunLibrary& runs_;
+  const Thresholds& thresholds_;
+  const Discrepancy& discrepancy_;
+  std::vector<Site> sites_;
+  std::vector<IceUnknown> ice_;
+  std::vector<std::unique_ptr<Variant>> variants_;
+  std::map<const Variant*, Eigen::MatrixXd> signatures_;
+  std::map<const Variant*, double> located_log_odds_;  ///< of falls and swell: for having looked at many times
+  Eigen::VectorXd data_;
+  ErrorModel errors_;
+  Eigen::MatrixXd baseline_columns_;
+  Eigen::VectorXd baseline_offset_;
+};
+
+Site Chain::makeSite(const NamedRecord& named) const {
+  Site site;
+  site.curves.path = named.path;
+  site.curves.record = named.record;
+  site.curves.report = checkRecord(site.curves.record);
+  if (site.curves.report.usability() == Usability::kNo) {
+    throw ConfigError(
+        "", "",
+        "nothing can be identified from this record:\n" + describe(named.path, site.curves.record, site.curves.report),
+        named.path);
+  }
+  site.curves.observation = makeObservation(site.curves.record, site.curves.report);
+  Scenario& s = site.scenario;
+  s = site.curves.record.scenario;
+  s.title = "identify";
+  s.procedure.control = ControlMode::kScripted;
+  s.procedure.motion_file = runs_.motionFile(site.observation().path);
+  s.procedure.hold_duration_s = 0.0;
+  if (s.field.jitter_ratio == 0.0) s.field.jitter_ratio = kJitterRatio;
+  // With both of these given, cohesion and friction angle would change nothing.
+  s.ice.shear_constant_pa.reset();
+  s.ice.shear_slope.reset();
+  s.load_cell = LoadCellConfig();
+  s.load_cell.rate_hz = kSampleRateHz;
+  s.output = OutputConfig();
+  s.solver.threads = 1;
+  s.validate();
+  return site;
+}
+
+Scenario Chain::scenarioAt(const Site& site, const Eigen::VectorXd& x, std::size_t index,
+                           const std::vector<const Variant*>& variants, int seed) const {
+  Scenario s = site.scenario;
+  s.field.seed = static_cast<std::uint64_t>(seed);
+  for (std::size_t k = 0; k < ice_.size(); ++k) {
+    s.ice.*ice_[k].member = std::clamp(ice_[k].prior + x[static_cast<Eigen::Index>(k)], ice_[k].low, ice_[k].high);
+  }
+  const Eigen::Index own = kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(index);
+  s.procedure.start_gap_m += std::max(x[own], 0.0);
+  Eigen::Index column = unknowns();
+  for (const Variant* v : variants) {
+    const auto count = static_cast<Eigen::Index>(v->amplitudes.size());
+    if (!v->effect->reading_only) v->apply(s.effects[v->effect->name], x.segment(column, count));
+    column += count;
+  }
+  return s;
+}
+
+void Chain::simulateBaseline() {
+  const Eigen::VectorXd zero = Eigen::VectorXd::Zero(unknowns());
+  std::vector<std::vector<std::string>> keys(sites_.size());
+  const auto moved = [&](std::size_t i, Eigen::Index unknown, double step, int seed) {
+    Eigen::VectorXd x = zero;
+    x[unknown] = step;
+    return runs_.request(scenarioAt(sites_[i], x, i, {}, seed));
+  };
+  struct Slope {
+    Eigen::Index column, unknown;
+    double step;
+  };
+  const auto slopesOf = [&](std::size_t i) {
+    std::vector<Slope> slopes;
+    for (Eigen::Index k = 0; k < kIceUnknowns; ++k) slopes.push_back({k, k, ice_[static_cast<std::size_t>(k)].sigma});
+    slopes.push_back({kIceUnknowns, kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(i), kGapSigmaM});
+    return slopes;
+  };
+  for (int pass = 0; pass < 2; ++pass) {
+    for (std::size_t i = 0; i < sites_.size(); ++i) {
+      Site& site = sites_[i];
+      const int seeds = site.observation().ice_contact ? kEnsemble : 1;
+      if (pass == 0) {
+        for (int seed = 1; seed <= seeds; ++seed) keys[i].push_back(runs_.request(scenarioAt(site, zero, i, {}, seed)));
+        if (!site.observation().ice_contact) continue;
+        for (const Slope& slope : slopesOf(i)) {
+          for (int seed = 1; seed <= kPairs; ++seed) moved(i, slope.unknown, slope.step, seed);
+        }
+        continue;
+      }
+      Eigen::MatrixXd forces(site.rows(), seeds);
+      Eigen::VectorXd rate = Eigen::VectorXd::Zero(site.rows());
+      for (int seed = 0; seed < seeds; ++seed) {
+        const std::string& key = keys[i][static_cast<std::size_t>(seed)];
+        if (runs_.failed(key))
+          throw ConfigError("", "", "the simulation of this record's rig and ice freezes", site.curves.path);
+        forces.col(seed) = site.bins(runs_.force(key));
+        constexpr double kShiftS = 0.05;
+        rate +=
+            (site.bins(runs_.force(key), kShiftS) - site.bins(runs_.force(key), -kShiftS)) / (2.0 * kShiftS * seeds);
+      }
+      site.mean_n = forces.rowwise().mean();
+      site.chaos_n = Eigen::VectorXd::Zero(site.rows());
+      if (seeds > 1) {
+        const Eigen::VectorXd variance = (forces.colwise() - site.mean_n).rowwise().squaredNorm() / (seeds - 1);
+        // Few seeds: averaged over 4 s.
+        for (Eigen::Index row = 0; row < site.rows(); ++row) {
+          const Eigen::Index from = std::max<Eigen::Index>(row - 8, 0), to = std::min(row + 8, site.rows() - 1);
+          site.chaos_n[row] = std::sqrt(variance.segment(from, to - from + 1).mean());
+        }
+      }
+      site.slopes = Eigen::MatrixXd::Zero(site.rows(), kIceUnknowns + kOwnUnknowns);
+      site.slopes.col(kIceUnknowns + 1) = rate;
+      if (!site.observation().ice_contact) continue;
+      for (const Slope& slope : slopesOf(i)) {
+        for (int seed = 1; seed <= kPairs; ++seed) {
+          const std::string key = moved(i, slope.unknown, slope.step, seed);
+          if (runs_.failed(key)) continue;
+          site.slopes.col(slope.column) += (site.bins(runs_.force(key)) - forces.col(seed - 1)) / (slope.step * kPairs);
+        }
+      }
+    }
+    if (pass == 0) {
+      addVariants();
+      for (const auto& v : variants_) {
+        for (const Site& site : sites_) requestSignature(site, *v);
+      }
+      runs_.makeMissing("baseline and what effects do");
+    }
+  }
+
+  // All records in one.
+  std::vector<Eigen::VectorXd> data, offsets;
+  Eigen::Index rows = 0;
+  for (Site& site : sites_) {
+    site.first_row = rows;
+    rows += site.rows();
+    data.push_back(site.observation().force_n);
+    offsets.push_back(site.mean_n);
+  }
+  data_ = stacked(data);
+  baseline_offset_ = stacked(offsets);
+  baseline_columns_ = Eigen::MatrixXd::Zero(rows, unknowns());
+  errors_.noise = errors_.discrepancy = Eigen::MatrixXd::Zero(rows, rows);
+  for (std::size_t i = 0; i < sites_.size(); ++i) {
+    const Site& site = sites_[i];
+    const Eigen::Index own = kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(i);
+    baseline_columns_.block(site.first_row, 0, site.rows(), kIceUnknowns) = site.slopes.leftCols(kIceUnknowns);
+    baseline_columns_.block(site.first_row, own, site.rows(), kOwnUnknowns) = site.slopes.rightCols(kOwnUnknowns);
+    errors_.noise.block(site.first_row, site.first_row, site.rows(), site.rows()) =
+        computeNoiseCovariance(site.observation().noise, site.observation().time_s);
+    if (!site.observation().ice_contact) continue;
+    errors_.discrepancy.block(site.first_row, site.first_row, site.rows(), site.rows()) =
+        computeDiscrepancyCovariance(discrepancy_, site.observation(), site.mean_n, site.chaos_n);
+  }
+}
+
+void Chain::addVariants() {
+  // A position that was only commanded in one of the records leaves the hoist's losses open.
+  PositionOrigin position = PositionOrigin::kMeasured;
+  for (const Site& site : sites_) {
+    if (site.curves.record.position == PositionOrigin::kCommanded) position = PositionOrigin::kCommanded;
+  }
+  for (const EffectDescription& effect : effectRegistry()) {
+    if (sites_.front().scenario.effects[effect.name].enabled) continue;  // the baseline has it already
+    for (Variant& variant : makeVariants(effect, position)) {
+      variants_.push_back(std::make_unique<Variant>(std::move(variant)));
+    }
+  }
+}
+
+/// Keys of the runs with each amplitude at its step, seed by seed; empty where no run is needed or none is possible.
+std::vector<std::string> Chain::requestSignature(const Site& site, const Variant& v) {
+  if (v.effect->reading_only || !site.observation().ice_contact) return {};
+  std::vector<std::string> keys;
+  for (std::size_t k = 0; k < v.amplitudes.size(); ++k) {
+    for (int seed = 1; seed <= kPairs; ++seed) {
+      Scenario s = site.scenario;
+      s.field.seed = static_cast<std::uint64_t>(seed);
+      Eigen::VectorXd a = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(v.amplitudes.size()));
+      a[static_cast<Eigen::Index>(k)] = v.amplitudes[k].step;
+      v.apply(s.effects[v.effect->name], a);
+      try {
+        s.validate();
+      } catch (const ConfigError&) {
+        return {};  // such an amplitude is impossible in this ice
+      }
+      keys.push_back(runs_.request(s));
+    }
+  }
+  return keys;
+}
+
+Eigen::MatrixXd Chain::signature(const Site& site, const Variant& v) {
+  const auto count = static_cast<Eigen::Index>(v.amplitudes.size());
+  Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(site.rows(), count);
+  const auto plain = [&](int seed) -> const SimulatedForce& {
+    Scenario s = site.scenario;
+    s.field.seed = static_cast<std::uint64_t>(site.observation().ice_contact ? seed : 1);
+    return runs_.force(runs_.request(s));
+  };
+  const std::vector<std::string> keys = requestSignature(site, v);
+  for (Eigen::Index k = 0; k < count; ++k) {
+    const double step = v.amplitudes[static_cast<std::size_t>(k)].step;
+    for (int seed = 1; seed <= kPairs; ++seed) {
+      const Eigen::VectorXd before = site.bins(plain(seed));
+      if (v.effect->reading_only) {
+        Eigen::VectorXd a = Eigen::VectorXd::Zero(count);
+        a[k] = step;
+        EffectValues values(*v.effect);
+        v.apply(values, a);
+        columns.col(k) += (site.bins(throughLoadCell(values, site.scenario, plain(seed))) - before) / (step * kPairs);
+      } else if (!keys.empty()) {
+        const std::string& key = keys[static_cast<std::size_t>(k) * kPairs + static_cast<std::size_t>(seed - 1)];
+        if (!runs_.failed(key)) columns.col(k) += (site.bins(runs_.force(key)) - before) / (step * kPairs);
+      }
+    }
+  }
+  return columns;
+}
+
+void Chain::computeSignatures(const std::vector<const Variant*>& variants, const std::string& what) {
+  for (const Variant* v : variants) {
+    for (const Site& site : sites_) requestSignature(site, *v);
+  }
+  runs_.makeMissing(what);
+  for (const Variant* v : variants) {
+    Eigen::MatrixXd columns(data_.size(), static_cast<Eigen::Index>(v->amplitudes.size()));
+    for (const Site& site : sites_) columns.middleRows(site.first_row, site.rows()) = signature(site, *v);
+    signatures_[v] = columns;
+  }
+}
+
+LinearModel Chain::linearModel(const Model& model) const {
+  LinearModel m;
+  m.offset = model.offset;
+  const Eigen::Index own = unknowns(), count = own + model.effect_columns.cols();
+  m.columns.resize(data_.size(), count);
+  m.columns << baseline_columns_, model.effect_columns;
+  m.prior_mean = Eigen::VectorXd::Zero(count);
+  m.prior_sigma.resize(count);
+  m.positive.assign(static_cast<std::size_t>(count), false);
+  for (std::size_t k = 0; k < ice_.size(); ++k) m.prior_sigma[static_cast<Eigen::Index>(k)] = ice_[k].sigma;
+  for (std::size_t i = 0; i < sites_.size(); ++i) {
+    const Eigen::Index gap = kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(i);
+    m.prior_sigma[gap] = kGapSigmaM;
+    m.positive[static_cast<std::size_t>(gap)] = true;
+    m.prior_sigma[gap + 1] = sites_[i].observation().clock_sigma_s;
+  }
+  Eigen::Index column = own;
+  for (const Variant* v : model.variants) {
+    for (const Amplitude& a : v->amplitudes) {
+      m.prior_mean[column] = a.prior_mean;
+      m.prior_sigma[column] = a.prior_sigma;
+      m.positive[static_cast<std::size_t>(column)] = a.positive;
+      ++column;
+    }
+  }
+  return m;
+}
+
+Model Chain::linear(const std::vector<const Variant*>& variants) const {
+  Model model;
+  model.variants = variants;
+  model.offset = baseline_offset_;
+  Eigen::Index count = 0;
+  for (const Variant* v : variants) count += signatures_.at(v).cols();
+  model.effect_columns.resize(data_.size(), count);
+  count = 0;
+  for (const Variant* v : variants) {
+    const Eigen::MatrixXd& columns = signatures_.at(v);
+    model.effect_columns.middleCols(count, columns.cols()) = columns;
+    count += columns.cols();
+    const auto located = located_log_odds_.find(v);
+    if (located != located_log_odds_.end()) model.shape_log_odds += located->second;
+  }
+  refit(model);
+  return model;
+}
+
+/// Falls one after the other, each where it explains most, as long as each earns its place.
+/// @param log_odds  out: what having looked at many times costs
+void Chain::findFalls(const Model& start, std::vector<double>& times, double& log_odds) const {
+  constexpr double kGridS = 0.5, kGain = 2.0;
+  const Site& site = sites_.front();
+  const double end = site.observation().time_s[site.rows() - 1];
+  times.clear();
+  log_odds = 0.0;
+  LinearModel model = linearModel(start);
+  double before = start.fit.log_evidence;
+  // Kappa from the start: it would follow each trial only a little and cost twenty times the work.
+  while (times.size() < 3) {
+    std::vector<double> gains, places;
+    LinearModel trial = model;
+    const Eigen::Index column = model.columns.cols();
+    trial.columns.conservativeResize(Eigen::NoChange, column + 1);
+    trial.prior_mean.conservativeResize(column + 1);
+    trial.prior_sigma.conservativeResize(column + 1);
+    trial.prior_mean[column] = 0.0;
+    trial.prior_sigma[column] = makeFalls({0.0}).amplitudes[0].prior_sigma;
+    trial.positive.push_back(true);
+    LinearModel best = trial;
+    double best_evidence = -std::numeric_limits<double>::infinity();
+    for (double time = 1.0; time < end - 1.0; time += kGridS) {
+      trial.columns.col(column).setZero();
+      trial.columns.block(site.first_row, column, site.rows(), 1) = fallTemplate(time, site.observation().time_s);
+      const double evidence = fitLinear(data_, trial, errors_).log_evidence;
+      gains.push_back(evidence - before);
+      places.push_back(time);
+      if (evidence > best_evidence) {
+        best_evidence = evidence;
+        best = trial;
+      }
+    }
+    if (gains.empty()) return;
+    const double mean_gain = logMeanExp(gains);
+    const auto top = static_cast<std::size_t>(std::max_element(gains.begin(), gains.end()) - gains.begin());
+    if (mean_gain < kGain && !times.empty()) return;
+    times.push_back(places[top]);
+    log_odds += mean_gain - gains[top];
+    before = best_evidence;
+    model = best;
+    if (mean_gain < kGain) return;
+  }
+}
+
+void Chain::findSwell(const Model& start, std::vector<double>& periods, double& log_odds) const {
+  constexpr double kShortestS = 3.0, kLongestS = 14.0, kRatio = 1.06, kGain = 2.0;
+  const Site& site = sites_.front();
+  periods.clear();
+  log_odds = 0.0;
+  LinearModel model = linearModel(start);
+  double before = start.fit.log_evidence;
+  while (periods.size() < 3) {
+    std::vector<double> gains, places;
+    LinearModel trial = model;
+    const Eigen::Index column = model.columns.cols();
+    trial.columns.conservativeResize(Eigen::NoChange, column + 2);
+    trial.prior_mean.conservativeResize(column + 2);
+    trial.prior_sigma.conservativeResize(column + 2);
+    trial.prior_mean.tail(2).setZero();
+    trial.prior_sigma.tail(2).setConstant(makeSwell({6.0}).amplitudes[0].prior_sigma);
+    trial.positive.resize(trial.positive.size() + 2, false);
+    LinearModel best = trial;
+    double best_evidence = -std::numeric_limits<double>::infinity();
+    for (double period = kShortestS; period < kLongestS; period *= kRatio) {
+      trial.columns.rightCols(2).setZero();
+      trial.columns.block(site.first_row, column, site.rows(), 2) =
+          swellTemplate(period, site.observation(), site.mean_n);
+      const double evidence = fitLinear(data_, trial, errors_).log_evidence;
+      gains.push_back(evidence - before);
+      places.push_back(std::round(period * 20.0) / 20.0);
+      if (evidence > best_evidence) {
+        best_evidence = evidence;
+        best = trial;
+      }
+    }
+    const double mean_gain = logMeanExp(gains);
+    const auto top = static_cast<std::size_t>(std::max_element(gains.begin(), gains.end()) - gains.begin());
+    if (mean_gain < kGain && !periods.empty()) return;
+    periods.push_back(places[top]);
+    log_odds += mean_gain - gains[top];
+    before = best_evidence;
+    model = best;
+    if (mean_gain < kGain) return;
+  }
+}
+
+/// Adds falls and swell where the record suggests them, beside what a model has already.
+void Chain::locate(const Model& start, const std::string& what) {
+  if (!sites_.front().observation().ice_contact) return;
+  std::vector<const Variant*> added;
+  std::vector<double> places;
+  double log_odds = 0.0;
+  const EffectsConfig& enabled = sites_.front().scenario.effects;
+  const auto isOn = [&](const char* name) { return EffectsConfig(enabled)[name].enabled; };
+  const auto add = [&](Variant variant) {
+    variants_.push_back(std::make_unique<Variant>(std::move(variant)));
+    located_log_odds_[variants_.back().get()] = log_odds;
+    added.push_back(variants_.back().get());
+  };
+  if (!isOn("block_drop")) {
+    findFalls(start, places, log_odds);
+    std::sort(places.begin(), places.end());
+    add(makeFalls(places));
+  }
+  if (!isOn("vessel_heave")) {
+    findSwell(start, places, log_odds);
+    add(makeSwell(places));
+  }
+  computeSignatures(added, what);
+}
+
+/// Within what can be simulated.
+Eigen::VectorXd Chain::clipped(const Model& model, Eigen::VectorXd x) const {
+  for (std::size_t k = 0; k < ice_.size(); ++k) {
+    const auto i = static_cast<Eigen::Index>(k);
+    x[i] = std::clamp(ice_[k].prior + x[i], ice_[k].low, ice_[k].high) - ice_[k].prior;
+  }
+  for (std::size_t i = 0; i < sites_.size(); ++i) {
+    const Eigen::Index gap = kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(i);
+    x[gap] = std::max(x[gap], 0.0);
+  }
+  Eigen::Index column = unknowns();
+  for (const Variant* v : model.variants) {
+    for (const Amplitude& a : v->amplitudes) {
+      for (const EffectParameter& p : v->effect->parameters) {
+        if (a.name == p.name) x[column] = std::clamp(x[column], p.range.min, p.range.max);
+      }
+      ++column;
+    }
+  }
+  return x;
+}
+
+/// The force of a model at x in all bins, mean over the pairs' seeds; none where the world freezes.
+std::optional<Eigen::VectorXd> Chain::simulated(const Model& model, const Eigen::VectorXd& x, bool request_only) {
+  std::vector<Eigen::VectorXd> parts;
+  for (std::size_t i = 0; i < sites_.size(); ++i) {
+    const Site& site = sites_[i];
+    Eigen::VectorXd mean = Eigen::VectorXd::Zero(site.rows());
+    const int seeds = site.observation().ice_contact ? kPairs : 1;
+    const double delay = x[kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(i) + 1];
+    for (int seed = 1; seed <= seeds; ++seed) {
+      const Scenario s = scenarioAt(site, x, i, model.variants, seed);
+      try {
+        s.validate();
+      } catch (const ConfigError&) {
+        return std::nullopt;
+      }
+      const std::string key = runs_.request(s);
+      if (request_only) continue;
+      if (runs_.failed(key)) return std::nullopt;
+      SimulatedForce force = runs_.force(key);
+      Eigen::Index column = unknowns();
+      for (const Variant* v : model.variants) {
+        const auto count = static_cast<Eigen::Index>(v->amplitudes.size());
+        if (v->effect->reading_only) {
+          EffectValues values(*v->effect);
+          v->apply(values, x.segment(column, count));
+          force = throughLoadCell(values, s, force);
+        }
+        column += count;
+      }
+      mean += site.bins(force, delay) / seeds;
+    }
+    parts.push_back(mean);
+  }
+  return stacked(parts);
+}
+
+/// Gauss-Newton with the slopes of the signatures: simulate where the fit is, and fit again around that.
+void Chain::confirm(std::vector<Model*> models, const std::string& what) {
+  for (int pass = 0; pass < kPasses; ++pass) {
+    for (Model* model : models) {
+      if (model->frozen) continue;
+      model->x = clipped(*model, model->fit.x);
+      if (!simulated(*model, model->x, true)) model->frozen = true;
+    }
+    runs_.makeMissing(what + ", pass " + std::to_string(pass + 1));
+    for (Model* model : models) {
+      if (model->frozen) continue;
+      const std::optional<Eigen::VectorXd> curve = simulated(*model, model->x, false);
+      if (!curve) {
+        model->frozen = true;
+        continue;
+      }
+      model->simulated = true;
+      model->curve_n = *curve;
+      model->offset = *curve - linearModel(*model).columns * model->x;
+      refit(*model);
+    }
+  }
+}
+
+Explanation Chain::explain(const Model& model, const Model& baseline) const {
+  Explanation e;
+  e.holdout_rmse_n = e.holdout_ratio = kNaN;
+  for (const Variant* v : model.variants) {
+    e.effects.emplace_back(v->effect->name);
+    e.shape += (e.shape.empty() ? "" : "; ") + v->label;
+    e.threshold = std::max(e.threshold, thresholds_.of(v->effect->name));
+  }
+  e.confirmed = model.simulated;
+  e.log_bayes_factor = model.fit.log_evidence + model.shape_log_odds - baseline.fit.log_evidence;
+  e.chi2_per_bin = model.fit.chi2_per_datum;
+  const double excess = baseline.fit.chi2_per_datum - 1.0;
+  e.explained_ratio = excess > 0.0 ? (baseline.fit.chi2_per_datum - e.chi2_per_bin) / excess : kNaN;
+  e.portmanteau_p = computeLjungBox(model.fit.whitened, kLags);
+  const Eigen::VectorXd x = model.simulated ? model.x : model.fit.x;
+  const Eigen::VectorXd change = model.effect_columns * x.tail(model.effect_columns.cols());
+  Model plain = baseline;
+  e.detectability = Detectability(linearModel(plain), errors_, baseline.fit.kappa).of(change);
+  const Eigen::VectorXd error = data_ - (model.simulated ? model.curve_n : model.fit.mean);
+  e.rmse_n = std::sqrt(error.squaredNorm() / static_cast<double>(error.size()));
+  Eigen::Index column = unknowns();
+  for (const Variant* v : model.variants) {
+    const auto count = static_cast<Eigen::Index>(v->amplitudes.size());
+    for (const ParameterEstimate& p :
+         v->estimate(x.segment(column, count), model.fit.covariance.block(column, column, count, count))) {
+      e.parameters.push_back(p);
+    }
+    column += count;
+  }
+  for (std::size_t k = 0; k < ice_.size(); ++k) {
+    e.baseline.push_back(ice_[k].prior + x[static_cast<Eigen::Index>(k)]);
+  }
+  for (std::size_t i = 0; i < sites_.size(); ++i) {
+    const Eigen::Index own = kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(i);
+    e.baseline.push_back(x[own]);
+    e.baseline.push_back(x[own + 1]);
+  }
+  if (model.frozen) e.note = "the simulation with it freezes or is refused: it could not be confirmed";
+  return e;
+}
+
+/// Tries what is left beside the best explanation, and keeps a pair that is so much better that chance is no excuse.
+void Chain::addSecondEffect(std::vector<Model>& models, const Model& baseline) {
+  if (models.empty()) return;
+  const Model first = models.front();
+  const double gained = first.fit.log_evidence + first.shape_log_odds - baseline.fit.log_evidence;
+  if (!first.simulated || gained < thresholds_.log_bayes_factor) return;
+  const std::string first_name = first.variants[0]->effect->name;
+  locate(first, "falls and swell beside " + first_name);
+  std::optional<Model> best;
+  const auto score = [](const Model& m) { return m.fit.log_evidence + m.shape_log_odds; };
+  for (const auto& v : variants_) {
+    if (v->effect->name == first_name || signatures_.count(v.get()) == 0) continue;
+    Model pair = first;
+    pair.variants.push_back(v.get());
+    const Eigen::MatrixXd& columns = signatures_.at(v.get());
+    pair.effect_columns.conservativeResize(Eigen::NoChange, pair.effect_columns.cols() + columns.cols());
+    pair.effect_columns.rightCols(columns.cols()) = columns;
+    const auto located = located_log_odds_.find(v.get());
+    if (located != located_log_odds_.end()) pair.shape_log_odds += located->second;
+    pair.simulated = false;
+    refit(pair);
+    if (!best || score(pair) > score(*best)) best = pair;
+  }
+  if (!best || score(*best) - score(first) <
+                   std::max(thresholds_.second_effect, thresholds_.of(best->variants[1]->effect->name)))
+    return;
+  confirm({&*best}, "two effects");
+  if (best->simulated && score(*best) - score(first) > thresholds_.second_effect) models.insert(models.begin(), *best);
+}
+
+CurveError computeError(const Observation& o, const Eigen::VectorXd& curve, const Eigen::MatrixXd& covariance) {
+  CurveError e;
+  std::vector<Eigen::Index> rows;
+  for (Eigen::Index i = 0; i < o.time_s.size(); ++i) {
+    if (o.time_s[i] > 0.0) rows.push_back(i);
+  }
+  const auto n = static_cast<Eigen::Index>(rows.size());
+  if (n == 0) return e;
+  Eigen::VectorXd record(n), model(n), time(n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    record[i] = o.force_n[rows[static_cast<std::size_t>(i)]];
+    model[i] = curve[rows[static_cast<std::size_t>(i)]];
+    time[i] = o.time_s[rows[static_cast<std::size_t>(i)]];
+  }
+  const auto window = std::max<Eigen::Index>(1, static_cast<Eigen::Index>(kMeanWindowS / kBinS));
+  const auto peakOf = [&](const Eigen::VectorXd& f) {
+    std::pair<double, double> peak{-std::numeric_limits<double>::infinity(), 0.0};
+    for (Eigen::Index i = 0; i + window <= n; ++i) {
+      const double mean = f.segment(i, window).mean();
+      if (mean > peak.first) peak = {mean, time.segment(i, window).mean()};
+    }
+    return peak;
+  };
+  const Eigen::VectorXd difference = model - record;
+  e.rmse_n = std::sqrt(difference.squaredNorm() / static_cast<double>(n));
+  const auto measured = peakOf(record), simulated = peakOf(model);
+  e.nrmse_ratio = e.rmse_n / std::abs(measured.first);
+  e.peak_error_n = simulated.first - measured.first;
+  e.peak_time_error_s = simulated.second - measured.second;
+  const auto last = std::min<Eigen::Index>(n, static_cast<Eigen::Index>(kResidualWindowS / kBinS));
+  e.residual_level_error_n = difference.tail(last).mean();
+  e.max_abs_n = difference.cwiseAbs().maxCoeff();
+  const Eigen::LLT<Eigen::MatrixXd> llt(covariance);
+  e.ljung_box_p = computeLjungBox(llt.matrixL().solve(o.force_n - curve), kLags);
+  return e;
+}
+
+/// The delay within 1.5 s with which a curve fits a record best; a delay of 0.5 s costs what one standard deviation
+/// costs.
+double bestDelay(const Site& site, const std::vector<SimulatedForce>& forces) {
+  constexpr double kSigmaS = 0.5, kMostS = 1.5;
+  const Eigen::VectorXd& record = site.observation().force_n;
+  const double scale = 0.05 * record.cwiseAbs().maxCoeff();
+  double best_delay = 0.0, best_cost = std::numeric_limits<double>::infinity();
+  for (double delay = -kMostS; delay <= kMostS; delay += 0.05) {
+    Eigen::VectorXd mean = Eigen::VectorXd::Zero(site.rows());
+    for (const SimulatedForce& force : forces) mean += site.bins(force, delay) / static_cast<double>(forces.size());
+    const double cost = (record - mean).squaredNorm() / (scale * scale) * 0.1 + delay * delay / (kSigmaS * kSigmaS);
+    if (cost < best_cost) {
+      best_cost = cost;
+      best_delay = delay;
+    }
+  }
+  return best_delay;
+}
+
+/// Predicts a record that was not fitted. Only its own delay is fitted, for every model alike: when the rim meets the
+/// ice is a matter of the spot.
+void Chain::evaluateHoldout(const std::vector<Model*>& models, Identification& result,
+                            const std::vector<Model*>& shown) {
+  Site site = makeSite(*input_.holdout);
+  const auto forcesOf = [&](const Model& model, bool request_only) {
+    std::vector<SimulatedForce> forces;
+    for (int seed = 1; seed <= kPairs; ++seed) {
+      Scenario s = scenarioAt(site, model.x, 0, model.variants, seed);
+      const std::string key = runs_.request(s);
+      if (request_only || runs_.failed(key)) continue;
+      SimulatedForce force = runs_.force(key);
+      Eigen::Index column = unknowns();
+      for (const Variant* v : model.variants) {
+        const auto count = static_cast<Eigen::Index>(v->amplitudes.size());
+        if (v->effect->reading_only) {
+          EffectValues values(*v->effect);
+          v->apply(values, model.x.segment(column, count));
+          force = throughLoadCell(values, s, force);
+        }
+        column += count;
+      }
+      forces.push_back(force);
+    }
+    return forces;
+  };
+  Model given;
+  given.x = Eigen::VectorXd::Zero(unknowns());
+  given.simulated = true;
+  std::vector<Model*> all = models;
+  all.insert(all.begin(), &given);
+  for (const Model* model : all) {
+    if (model->simulated) forcesOf(*model, true);
+  }
+  runs_.makeMissing("held-out record");
+  std::map<const Model*, Eigen::VectorXd> curves;
+  for (const Model* model : all) {
+    if (!model->simulated) continue;
+    const std::vector<SimulatedForce> forces = forcesOf(*model, false);
+    if (forces.empty()) continue;
+    const double delay = bestDelay(site, forces);
+    Eigen::VectorXd mean = Eigen::VectorXd::Zero(site.rows());
+    for (const SimulatedForce& force : forces) mean += site.bins(force, delay) / static_cast<double>(forces.size());
+    curves[model] = mean;
+  }
+  if (curves.count(&given) == 0) return;
+  site.mean_n = curves[&given];
+  site.chaos_n = Eigen::VectorXd::Zero(site.rows());
+  const Eigen::MatrixXd covariance =
+      computeNoiseCovariance(site.observation().noise, site.observation().time_s) +
+      computeDiscrepancyCovariance(discrepancy_, site.observation(), site.mean_n, site.chaos_n);
+  const auto errorOf = [&](const Model* model) {
+    return curves.count(model) == 0 ? CurveError() : computeError(site.observation(), curves[model], covariance);
+  };
+  const double without = errorOf(models.front()).rmse_n;
+  for (std::size_t k = 1; k < models.size(); ++k) {
+    if (curves.count(models[k]) == 0) continue;
+    Explanation& e = result.ranking[k - 1];
+    e.holdout_rmse_n = errorOf(models[k]).rmse_n;
+    e.holdout_ratio = e.holdout_rmse_n / without;
+  }
+  RecordCurves& c = site.curves;
+  c.baseline_n = curves[&given];
+  c.before = errorOf(&given);
+  c.refitted_n = curves[models.front()];
+  c.refitted = errorOf(models.front());
+  if (!shown.empty() && curves.count(shown.front()) > 0) {
+    c.with_effect_n = curves[shown.front()];
+    c.after = errorOf(shown.front());
+  }
+  c.total_sigma_n = covariance.diagonal().cwiseSqrt();
+  result.holdout.push_back(c);
+}
+
+void Chain::addDetectable(Identification& result, const Model& baseline) const {
+  const Detectability detectability(linearModel(baseline), errors_, baseline.fit.kappa);
+  struct Seen {
+    const EffectDescription* effect;
+    Eigen::VectorXd change;
+  };
+  std::vector<Seen> seen;
+  std::set<std::string> told;
+  const auto add = [&](const EffectDescription& effect, const Amplitude& amplitude, const Eigen::VectorXd& column) {
+    const double per_unit = detectability.of(column);
+    DetectableMagnitude m;
+    m.effect = effect.name;
+    for (const EffectParameter& p : effect.parameters) {
+      const std::string name = p.name;
+      if (amplitude.name.compare(0, name.size(), name) == 0)
+        m.unit = p.unit, m.key = "effects." + m.effect + "." + name;
+    }
+    m.value = per_unit > 0.0 ? thresholds_.detectability / per_unit : kNaN;
+    m.expected_detectability = per_unit * std::max(amplitude.prior_sigma, std::abs(amplitude.prior_mean));
+    if (told.insert(m.key).second) {
+      result.minimum_detectable.push_back(m);
+      if (m.expected_detectability > 1.0) seen.push_back({&effect, column});
+    }
+  };
+  // The middle of the shapes of each effect; falls and swell at a place of their own.
+  for (const EffectDescription& effect : effectRegistry()) {
+    const std::string name = effect.name;
+    const Site& site = sites_.front();
+    if (name == "block_drop" && site.observation().ice_contact) {
+      Eigen::VectorXd column = Eigen::VectorXd::Zero(data_.size());
+      const double late = 0.6 * site.observation().time_s[site.rows() - 1];
+      column.segment(site.first_row, site.rows()) = fallTemplate(late, site.observation().time_s);
+      add(effect, makeFalls({late}).amplitudes[0], column);
+      continue;
+    }
+    if (name == "vessel_heave" && site.observation().ice_contact) {
+      Eigen::VectorXd column = Eigen::VectorXd::Zero(data_.size());
+      column.segment(site.first_row, site.rows()) = swellTemplate(6.0, site.observation(), site.mean_n).col(0);
+      add(effect, makeSwell({6.0}).amplitudes[0], column);
+      continue;
+    }
+    std::vector<const Variant*> own;
+    for (const auto& v : variants_) {
+      if (v->effect == &effect && signatures_.count(v.get()) > 0) own.push_back(v.get());
+    }
+    if (own.empty()) continue;
+    std::set<std::string> done;
+    const Variant* middle = own[own.size() / 2];
+    own.insert(own.begin(), middle);
+    for (const Variant* v : own) {
+      for (std::size_t k = 0; k < v->amplitudes.size(); ++k) {
+        if (done.insert(v->amplitudes[k].name).second) {
+          add(effect, v->amplitudes[k], signatures_.at(v).col(static_cast<Eigen::Index>(k)));
+        }
+      }
+    }
+  }
+  for (std::size_t i = 0; i < seen.size(); ++i) {
+    for (std::size_t j = 0; j < i; ++j) {
+      if (seen[i].effect == seen[j].effect) continue;
+      const double r = std::abs(detectability.correlation(seen[i].change, seen[j].change));
+      if (r < thresholds_.rival_correlation) continue;
+      result.confusable.push_back({{seen[j].effect->name, seen[i].effect->name},
+                                   r,
+                                   std::string(seen[j].effect->name) + ": " + seen[j].effect->how_to_tell + "; " +
+                                       seen[i].effect->name + ": " + seen[i].effect->how_to_tell});
+    }
+  }
+}
+
+std::string shortNumber(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g", value);
+  return text;
+}
+
+std::string joined(const std::vector<std::string>& names, const char* last) {
+  std::string text;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    text += i == 0 ? "" : i + 1 == names.size() ? std::string(" ") + last + " " : ", ";
+    text += names[i];
+  }
+  return text;
+}
+
+const EffectDescription* findEffect(const std::string& name) {
+  for (const EffectDescription& effect : effectRegistry()) {
+    if (name == effect.name) return &effect;
+  }
+  return nullptr;
+}
+
+void Chain::decide(Identification& result, const Model& baseline) {
+  result.bins = static_cast<std::size_t>(data_.size());
+  result.chi2_per_bin = baseline.fit.chi2_per_datum;
+  result.portmanteau_p = computeLjungBox(baseline.fit.whitened, kLags);
+  result.kappa = baseline.fit.kappa;
+  const bool excess = result.chi2_per_bin > thresholds_.chi2_per_bin;
+  result.significant = excess || result.portmanteau_p < thresholds_.portmanteau_p;
+
+  bool partial = false;
+  for (const Finding& finding : sites_.front().curves.report.findings) {
+    partial = partial || finding.code == "too_short" || finding.code == "no_contact";
+  }
+
+  const auto holds = [&](const Explanation& e) {
+    return e.confirmed && e.log_bayes_factor > e.threshold && !(e.holdout_ratio > thresholds_.holdout_ratio) &&
+           (!excess || e.explained_ratio >= thresholds_.explained_ratio);
+  };
+  std::vector<const Explanation*> accepted;
+  for (const Explanation& e : result.ranking) {
+    if (holds(e)) accepted.push_back(&e);
+  }
+  if (!accepted.empty()) {
+    const Explanation& best = *accepted.front();
+    result.effects = best.effects;
+    result.verdict = Verdict::kEffect;
+    if (best.effects.size() == 1) {
+      for (const Explanation& e : result.ranking) {
+        if (&e == &best || e.effects.size() != 1 || e.effects == best.effects) continue;
+        const bool close =
+            e.log_bayes_factor > best.log_bayes_factor - thresholds_.rival_nats && e.log_bayes_factor > 0.0;
+        bool same_class = false;
+        for (const ConfusableSet& set : result.confusable) {
+          const bool both = std::count(set.effects.begin(), set.effects.end(), best.effects[0]) > 0 &&
+                            std::count(set.effects.begin(), set.effects.end(), e.effects[0]) > 0;
+          same_class = same_class || both;
+        }
+        same_class = same_class && e.log_bayes_factor > 0.5 * best.log_bayes_factor;
+        if (close || same_class) {
+          result.effects.push_back(e.effects[0]);
+          result.verdict = Verdict::kTie;
+        }
+      }
+    }
+  } else if (partial && !result.significant) {
+    result.verdict = Verdict::kCannotTell;
+  } else {
+    result.verdict = result.significant ? Verdict::kUnknown : Verdict::kNone;
+  }
+}
+
+Identification Chain::run() {
+  Identification result;
+  for (const NamedRecord& record : input_.records) sites_.push_back(makeSite(record));
+  ice_ = iceUnknowns(sites_.front().curves.record);
+  simulateBaseline();
+  {
+    std::vector<const Variant*> all;
+    for (const auto& v : variants_) all.push_back(v.get());
+    computeSignatures(all, "what effects do");
+  }
+  Model baseline = linear({});
+  locate(baseline, "falls and swell");
+
+  // Each effect in its best shape; what the other shapes say of it counts as well.
+  std::vector<Model> models;
+  for (const EffectDescription& effect : effectRegistry()) {
+    std::vector<double> evidence;
+    std::optional<Model> best;
+    for (const auto& v : variants_) {
+      if (v->effect != &effect) continue;
+      Model model = linear({v.get()});
+      evidence.push_back(model.fit.log_evidence);
+      if (!best || model.fit.log_evidence > best->fit.log_evidence) best = model;
+    }
+    if (!best) continue;
+    best->shape_log_odds += logMeanExp(evidence) - best->fit.log_evidence;
+    models.push_back(*best);
+  }
+  const auto score = [](const Model& m) { return m.fit.log_evidence + m.shape_log_odds; };
+  const auto byScore = [&](const Model& a, const Model& b) { return score(a) > score(b); };
+  std::stable_sort(models.begin(), models.end(), byScore);
+  std::vector<Model*> to_confirm{&baseline};
+  for (std::size_t k = 0; k < models.size() && k < kConfirmed; ++k) {
+    if (score(models[k]) - baseline.fit.log_evidence > 0.0) to_confirm.push_back(&models[k]);
+  }
+  confirm(to_confirm, "full simulations of the best explanations");
+  // A simulation counts for more than a straight line.
+  std::stable_sort(models.begin(), models.end(), [&](const Model& a, const Model& b) {
+    return a.simulated != b.simulated ? a.simulated : score(a) > score(b);
+  });
+  addSecondEffect(models, baseline);
+
+  for (const Model& model : models) result.ranking.push_back(explain(model, baseline));
+  addDetectable(result, baseline);
+  std::vector<Model*> shown;
+  if (input_.holdout) {
+    std::vector<Model*> predicted{&baseline};
+    for (Model& model : models) predicted.push_back(&model);
+    // The one that is drawn: the best that will be accepted if it holds on this record.
+    for (std::size_t k = 0; k < models.size() && shown.empty(); ++k) {
+      const Explanation& e = result.ranking[k];
+      if (e.confirmed && e.log_bayes_factor > e.threshold) shown.push_back(&models[k]);
+    }
+    evaluateHoldout(predicted, result, shown);
+  }
+  decide(result, baseline);
+
+  // The curves, for the explanation that was accepted or else for the best one.
+  const Model* best = nullptr;
+  for (std::size_t k = 0; k < models.size(); ++k) {
+    if (!result.effects.empty() && result.ranking[k].effects.front() == result.effects.front() && models[k].simulated) {
+      best = &models[k];
+      break;
+    }
+  }
+  for (std::size_t k = 0; k < ice_.size(); ++k) {
+    const auto i = static_cast<Eigen::Index>(k);
+    result.baseline.push_back({ice_[k].key, ice_[k].unit, ice_[k].prior, ice_[k].sigma, ice_[k].prior + baseline.x[i],
+                               std::sqrt(baseline.fit.covariance(i, i))});
+  }
+  for (std::size_t i = 0; i < sites_.size(); ++i) {
+    const Eigen::Index own = kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(i);
+    const std::string of = sites_.size() > 1 ? " of record " + std::to_string(i + 1) : "";
+    const double gap = sites_[i].scenario.procedure.start_gap_m;
+    result.baseline.push_back({"procedure.start_gap_m" + of, "m", gap, kGapSigmaM, gap + baseline.x[own],
+                               std::sqrt(baseline.fit.covariance(own, own))});
+    result.baseline.push_back({"clock of the force" + of, "s", 0.0, sites_[i].observation().clock_sigma_s,
+                               baseline.x[own + 1], std::sqrt(baseline.fit.covariance(own + 1, own + 1))});
+    RecordCurves c = sites_[i].curves;
+    const auto rows = [&](const Eigen::VectorXd& all) {
+      return Eigen::VectorXd(all.segment(sites_[i].first_row, sites_[i].rows()));
+    };
+    const Eigen::MatrixXd covariance =
+        (errors_.noise + errors_.discrepancy)
+            .block(sites_[i].first_row, sites_[i].first_row, sites_[i].rows(), sites_[i].rows());
+    c.baseline_n = sites_[i].mean_n;
+    c.refitted_n = rows(baseline.curve_n);
+    c.before = computeError(c.observation, c.baseline_n, covariance);
+    c.refitted = computeError(c.observation, c.refitted_n, covariance);
+    if (best != nullptr) {
+      c.with_effect_n = rows(best->curve_n);
+      c.after = computeError(c.observation, c.with_effect_n, covariance);
+    }
+    c.total_sigma_n = covariance.diagonal().cwiseSqrt();
+    result.records.push_back(c);
+  }
+  result.autocorrelation_before = computeAutocorrelation(baseline.fit.whitened, kLags);
+  if (best != nullptr) {
+    result.autocorrelation_after = computeAutocorrelation(best->fit.whitened, kLags);
+    Scenario twin = scenarioAt(sites_.front(), best->x, 0, best->variants, 1);
+    Eigen::Index column = unknowns();
+    for (const Variant* v : best->variants) {
+      const auto count = static_cast<Eigen::Index>(v->amplitudes.size());
+      if (v->effect->reading_only) v->apply(twin.effects[v->effect->name], best->x.segment(column, count));
+      column += count;
+    }
+    result.overlay = toOverlay(twin);
+  } else {
+    result.overlay = toOverlay(scenarioAt(sites_.front(), baseline.x, 0, {}, 1));
+  }
+  if (result.verdict != Verdict::kEffect && result.verdict != Verdict::kTie && !result.holdout.empty()) {
+    result.holdout.front().with_effect_n.resize(0);
+  }
+
+  // What people read.
+  const CurveError &refitted = result.records.front().refitted, &after = result.records.front().after;
+  std::vector<std::string>& text = result.summary;
+  switch (result.verdict) {
+    case Verdict::kEffect:
+      text.push_back("The model lacks " + joined(result.effects, "and") + ".");
+      break;
+    case Verdict::kTie:
+      text.push_back("The model lacks one of these: " + joined(result.effects, "or") +
+                     ". This record cannot tell them apart.");
+      break;
+    case Verdict::kUnknown:
+      text.push_back("The model lacks something, and it is none of the effects that are known here.");
+      break;
+    case Verdict::kNone:
+      text.push_back(
+          "Nothing is missing that this record could show: what is left is within noise and the model's own error.");
+      break;
+    case Verdict::kCannotTell:
+      text.push_back("This record cannot tell: it holds too little of a lift.");
+      break;
+  }
+  for (const std::string& name : result.effects) {
+    if (const EffectDescription* effect = findEffect(name)) text.push_back(name + ": " + effect->mechanism + ".");
+  }
+  if (best != nullptr) {
+    const Explanation& e = *std::find_if(result.ranking.begin(), result.ranking.end(), [&](const Explanation& r) {
+      return r.confirmed && r.effects.front() == result.effects.front();
+    });
+    text.push_back("Evidence: ln of the Bayes factor " + shortNumber(e.log_bayes_factor) + " (asked: more than " +
+                   shortNumber(e.threshold) + "), detectability " + shortNumber(e.detectability) + ", " +
+                   shortNumber(100.0 * e.explained_ratio) + " % of the excess explained.");
+    text.push_back("Error on this record: " + shortNumber(refitted.rmse_n) + " N with the baseline refitted, " +
+                   shortNumber(after.rmse_n) + " N with the effect.");
+    if (std::isfinite(e.holdout_ratio)) {
+      text.push_back("Error on the held-out record: " + shortNumber(result.holdout.front().refitted.rmse_n) +
+                     " N without the effect, " + shortNumber(e.holdout_rmse_n) + " N with it.");
+    }
+  } else {
+    text.push_back("Residual: chi² of " + shortNumber(result.chi2_per_bin) + " per bin (significant above " +
+                   shortNumber(thresholds_.chi2_per_bin) + "), portmanteau p = " + shortNumber(result.portmanteau_p) +
+                   ".");
+  }
+  const auto propose = [&](const std::string& name, std::vector<std::string> separates) {
+    const EffectDescription* effect = findEffect(name);
+    if (effect == nullptr || std::string(effect->how_to_tell).empty()) return;
+    for (const NextExperiment& known : result.next_experiment) {
+      if (known.text == effect->how_to_tell) return;
+    }
+    result.next_experiment.push_back({effect->how_to_tell, std::move(separates)});
+  };
+  for (const std::string& name : result.effects)
+    propose(name, result.effects.size() > 1 ? result.effects : std::vector<std::string>{name});
+  if (result.verdict == Verdict::kUnknown) {
+    result.next_experiment.push_back(
+        {"the same lift again, at once and in another spot: what comes back at the same height is the rig's, at the "
+         "same time the ship's",
+         {}});
+    result.next_experiment.push_back({"a lift with two stops of 6 s, and one without ice", {}});
+  }
+  if (result.verdict == Verdict::kNone || result.verdict == Verdict::kCannotTell) {
+    for (const DetectableMagnitude& m : result.minimum_detectable) {
+      if (m.expected_detectability < thresholds_.detectability) propose(m.effect, {m.effect});
+    }
+  }
+  return result;
+}
+
+}  // namespace
+
+const char* verdictName(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::kNone:
+      return "none";
+    case Verdict::kEffect:
+      return "effect";
+    case Verdict::kTie:
+      return "tie";
+    case Verdict::kUnknown:
+      return "unknown";
+    case Verdict::kCannotTell:
+      return "cannot_tell";
+  }
+  return "unknown";
+}
+
+Identification identify(const IdentifyInput& input, RunLibrary& runs, const Thresholds& thresholds,
+                        const Discrepancy& discrepancy) {
+  const auto start = std::chrono::steady_clock::now();
+  Identification result = Chain(input, runs, thresholds, discrepancy).run();
+  result.runs_needed = runs.requested();
+  result.runs_made = runs.made();
+  result.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return result;
+}
+
+}  // namespace brash_ice_rig

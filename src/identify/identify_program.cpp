@@ -1,0 +1,246 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+
+#include <nlohmann/json.hpp>
+
+#include "brash_ice_rig/identify/identification.h"
+#include "brash_ice_rig/output/directory_lock.h"
+#include "brash_ice_rig/output/output_file.h"
+#include "brash_ice_rig/system/child_process.h"
+#include "brash_ice_rig/version.h"
+
+namespace brash_ice_rig {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// What is not finite becomes null by itself.
+Json toJson(const Eigen::VectorXd& values) {
+  Json array = Json::array();
+  for (const double value : values) array.push_back(std::round(value * 1000.0) / 1000.0);
+  return array;
+}
+
+const char* severityName(Severity severity) {
+  switch (severity) {
+    case Severity::kNote:
+      return "note";
+    case Severity::kDegraded:
+      return "limit";
+    case Severity::kRefuse:
+      return "refused";
+  }
+  return "note";
+}
+
+Json toJson(const CurveError& e) {
+  return {{"rmse_n", e.rmse_n},
+          {"nrmse_ratio", e.nrmse_ratio},
+          {"peak_error_n", e.peak_error_n},
+          {"peak_time_error_s", e.peak_time_error_s},
+          {"residual_level_error_n", e.residual_level_error_n},
+          {"max_abs_n", e.max_abs_n},
+          {"ljung_box_p", e.ljung_box_p}};
+}
+
+Json recordJson(const RecordCurves& c) {
+  constexpr const char* kSources[] = {"field", "lab", "synthetic"};
+  Json findings = Json::array();
+  for (const Finding& f : c.report.findings) {
+    findings.push_back(
+        {{"severity", severityName(f.severity)}, {"code", f.code}, {"text", f.text}, {"remedy", f.remedy}});
+  }
+  return {{"path", c.path},
+          {"title", c.record.title},
+          {"source", kSources[static_cast<std::size_t>(c.record.source)]},
+          {"position", c.record.position == PositionOrigin::kMeasured ? "measured" : "commanded"},
+          {"duration_s", c.report.duration_s},
+          {"peak_force_n", c.report.peak_force_n},
+          {"peak_time_s", c.report.peak_time_s},
+          {"noise_sigma_n", c.report.noise_sigma_n},
+          {"findings", findings},
+          {"assumptions", c.record.assumptions}};
+}
+
+Json seriesJson(const RecordCurves& c) {
+  const Observation& o = c.observation;
+  Json series = {{"time_s", toJson(o.time_s)},         {"way_m", toJson(o.way_m)},
+                 {"measured_n", toJson(o.force_n)},    {"baseline_n", toJson(c.baseline_n)},
+                 {"refitted_n", toJson(c.refitted_n)}, {"with_effect_n", nullptr}};
+  if (c.with_effect_n.size() > 0) series["with_effect_n"] = toJson(c.with_effect_n);
+  const double noise = std::hypot(o.noise.white_n, o.noise.slow_n);
+  series["noise_sigma_n"] = toJson(Eigen::VectorXd::Constant(o.time_s.size(), noise));
+  series["total_sigma_n"] = toJson(c.total_sigma_n);
+  return series;
+}
+
+Json errorsJson(const RecordCurves& c) {
+  Json errors = {{"before", toJson(c.before)}, {"baseline_refitted", toJson(c.refitted)}, {"after", nullptr}};
+  if (c.with_effect_n.size() > 0) errors["after"] = toJson(c.after);
+  return errors;
+}
+
+Json rankingJson(const Identification& id) {
+  Json ranking = Json::array();
+  for (const Explanation& e : id.ranking) {
+    Json parameters = Json::array(), changes = Json::array();
+    for (const ParameterEstimate& p : e.parameters) {
+      parameters.push_back({{"key", p.key},
+                            {"unit", p.unit},
+                            {"value", p.value},
+                            {"low", p.low},
+                            {"high", p.high},
+                            {"prior_low", p.prior_low},
+                            {"prior_high", p.prior_high}});
+    }
+    for (std::size_t k = 0; k < e.baseline.size() && k < id.baseline.size(); ++k) {
+      const BaselineParameter& p = id.baseline[k];
+      changes.push_back({{"key", p.key}, {"unit", p.unit}, {"from", p.fitted}, {"to", e.baseline[k]}});
+    }
+    std::string name;
+    for (const std::string& effect : e.effects) name += (name.empty() ? "" : " + ") + effect;
+    ranking.push_back({{"effects", e.effects},
+                       {"name", name},
+                       {"shape", e.shape},
+                       {"log_bayes_factor", e.log_bayes_factor},
+                       {"threshold", e.threshold},
+                       {"explained_ratio", e.explained_ratio},
+                       {"chi2_per_bin", e.chi2_per_bin},
+                       {"portmanteau_p", e.portmanteau_p},
+                       {"detectability", e.detectability},
+                       {"confirmed", e.confirmed},
+                       {"rmse_n", e.rmse_n},
+                       {"holdout_rmse_n", e.holdout_rmse_n},
+                       {"holdout_ratio", e.holdout_ratio},
+                       {"parameters", parameters},
+                       {"baseline_change", changes},
+                       {"note", e.note}});
+  }
+  return ranking;
+}
+
+}  // namespace
+
+std::string toJson(const Identification& id, const Thresholds& t, const Discrepancy& d) {
+  Json further = Json::array();
+  for (std::size_t i = 1; i < id.records.size(); ++i) further.push_back(recordJson(id.records[i]));
+  Json baseline = Json::array(), detectable = Json::array(), confusable = Json::array(), next = Json::array();
+  for (const BaselineParameter& p : id.baseline) {
+    baseline.push_back({{"key", p.key},
+                        {"unit", p.unit},
+                        {"prior", p.prior},
+                        {"prior_sigma", p.prior_sigma},
+                        {"fitted", p.fitted},
+                        {"sigma", p.sigma}});
+  }
+  for (const DetectableMagnitude& m : id.minimum_detectable) {
+    detectable.push_back({{"name", m.effect},
+                          {"key", m.key},
+                          {"unit", m.unit},
+                          {"value", m.value},
+                          {"expected_detectability", m.expected_detectability}});
+  }
+  for (const ConfusableSet& s : id.confusable) {
+    confusable.push_back({{"names", s.effects}, {"correlation", s.correlation}, {"how_to_tell", s.how_to_tell}});
+  }
+  for (const NextExperiment& n : id.next_experiment) next.push_back({{"text", n.text}, {"separates", n.separates}});
+  const RecordCurves& first = id.records.front();
+  Json lags = Json::array();
+  for (std::size_t k = 0; k < id.autocorrelation_before.size(); ++k) lags.push_back(kBinS * static_cast<double>(k));
+  const double band = 1.96 / std::sqrt(static_cast<double>(std::max<std::size_t>(id.bins, 1)));
+  Json json = {{"program", std::string("brash_ice ") + kVersion},
+               {"record", recordJson(first)},
+               {"further_records", further},
+               {"holdout_record", nullptr},
+               {"verdict", verdictName(id.verdict)},
+               {"effects", id.effects},
+               {"summary", id.summary},
+               {"significance",
+                {{"chi2_per_bin", id.chi2_per_bin},
+                 {"threshold_chi2_per_bin", t.chi2_per_bin},
+                 {"portmanteau_p", id.portmanteau_p},
+                 {"bins", id.bins},
+                 {"significant", id.significant}}},
+               {"ranking", rankingJson(id)},
+               {"baseline", baseline}};
+  json.update(errorsJson(first));
+  json["holdout"] = nullptr;
+  json["minimum_detectable"] = detectable;
+  json["confusable"] = confusable;
+  json["next_experiment"] = next;
+  json["kappa"] = id.kappa;
+  json["thresholds"] = {{"log_bayes_factor", t.log_bayes_factor},   {"chi2_per_bin", t.chi2_per_bin},
+                        {"portmanteau_p", t.portmanteau_p},         {"explained_ratio", t.explained_ratio},
+                        {"holdout_ratio", t.holdout_ratio},         {"rival_nats", t.rival_nats},
+                        {"rival_correlation", t.rival_correlation}, {"second_effect", t.second_effect},
+                        {"detectability", t.detectability},         {"null_records", t.null_records},
+                        {"file", "src/identify/thresholds.cpp"}};
+  for (const auto& [name, value] : t.own) json["thresholds"]["own." + name] = value;
+  json["noise"] = {{"white_n", first.observation.noise.white_n}, {"slow_n", first.observation.noise.slow_n}};
+  json["discrepancy"] = {{"share", d.share},
+                         {"share_of_peak", d.share_of_peak},
+                         {"length_m", d.length_m},
+                         {"rough_share", d.rough_share},
+                         {"rough_length_m", d.rough_length_m},
+                         {"turn_share", d.turn_share},
+                         {"turn_length_m", d.turn_length_m},
+                         {"creep_mps", d.creep_mps}};
+  json["runs"] = {{"needed", id.runs_needed}, {"made", id.runs_made}, {"wall_s", id.wall_s}};
+  json["series"] = seriesJson(first);
+  json["holdout_series"] = nullptr;
+  if (!id.holdout.empty()) {
+    json["holdout_record"] = recordJson(id.holdout.front());
+    json["holdout"] = errorsJson(id.holdout.front());
+    json["holdout_series"] = seriesJson(id.holdout.front());
+  }
+  json["autocorrelation"] = {
+      {"lag_s", lags}, {"before", id.autocorrelation_before}, {"after", nullptr}, {"band", band}};
+  if (!id.autocorrelation_after.empty()) json["autocorrelation"]["after"] = id.autocorrelation_after;
+  return json.dump(1) + "\n";
+}
+
+bool runIdentify(const IdentifyOptions& options) {
+  MessagePassing messages;
+  RunPoolOptions pool;
+  pool.stop = options.stop;
+  pool.children = options.children;
+  if (messages.rank() != 0) {
+    pool.children = std::max(1, options.children);
+    serveRuns(pool, messages);
+    return true;
+  }
+  if (pool.children == 0) pool.children = messages.size() > 1 ? 1 : coreCount();
+  makeDirectory(options.directory);
+  const DirectoryLock lock(options.directory);
+  const std::string directory = std::filesystem::absolute(options.directory).lexically_normal().string();
+  // They belong to another record or program; without them, nobody takes them for those of this one.
+  for (const char* name : {"/report.json", "/report.html", "/overlay.yaml"}) removeFile(directory + name);
+  Identification result;
+  const Thresholds thresholds = identificationThresholds();
+  const Discrepancy discrepancy = identificationDiscrepancy();
+  try {
+    RunLibrary runs(options.cache.empty() ? directory + "/runs" : options.cache, pool, messages);
+    result = identify(options.input, runs, thresholds, discrepancy);
+  } catch (const Interrupted&) {
+    messages.finish();
+    std::fprintf(stderr, "interrupted; the same command goes on where it was\n");
+    return false;
+  }
+  messages.finish();
+  replaceFile(directory + "/report.json", toJson(result, thresholds, discrepancy));
+  replaceFile(directory + "/overlay.yaml", "# Verdict: " + std::string(verdictName(result.verdict)) +
+                                               ". What makes the model of this record out of the default scenario.\n" +
+                                               (result.overlay.empty() ? "{}\n" : result.overlay));
+  for (const std::string& sentence : result.summary) std::printf("%s\n", sentence.c_str());
+  for (const NextExperiment& next : result.next_experiment) std::printf("Measure next: %s.\n", next.text.c_str());
+  std::printf("%s/report.json\n%s/overlay.yaml\n", directory.c_str(), directory.c_str());
+  std::fflush(stdout);
+  if (options.report && makeReport("identify_report", directory, options.stop)) {
+    std::printf("%s/report.html\n", directory.c_str());
+  }
+  return true;
+}
+
+}  // namespace brash_ice_rig

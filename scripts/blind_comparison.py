@@ -223,6 +223,8 @@ def line_up(sealed, series):
     clean = {key: np.asarray(sealed["clean"][key], dtype=float)
              for key in ("time_s", "force_n", "force_without_effects_n")}
     time_s, measured = series["time_s"], series["measured_n"]
+    if not np.isfinite(measured).any():
+        raise ValueError("nothing was measured")
     kept = np.isfinite(measured)
     time_s, measured = time_s[kept], measured[kept]
 
@@ -360,7 +362,9 @@ class Evaluation:
 
 
 def evaluate(cases, nulls):
-    """The Evaluation of a suite."""
+    """The Evaluation of a suite. Its cases without an effect count among the nulls too."""
+    nulls = [Null(case.name, "cases without an effect", case.verdict, case.named, case.failure)
+             for case in cases if not case.truth] + list(nulls)
     result = Evaluation(cases, nulls)
     for case in cases:
         result.outcomes[case.name] = outcome(case)
@@ -564,9 +568,9 @@ def markdown(result, made):
         null_table(result) if result.nulls else "None were run.", failed_nulls(result),
         "## Intervals",
         "The truth's laws differ from the library's, so that only some parameters can be compared: the held water, "
-        "bias, delay of the load cell and the speed lost at 12 kN directly; the calibration error and the compliance as "
-        "the line through the origin that fits the sealed curves best; the porosity as the straight line nearest to its "
-        "cosine; masses of blocks in the order of their falls; swell by nearest period. Intervals are those of the "
+        "bias, delay of the load cell and the speed lost at 12 kN directly; the calibration error and the compliance "
+        "as the line through the origin that fits the sealed curves best; the porosity as the straight line nearest to "
+        "its cosine; masses of blocks in the order of their falls; swell by nearest period. Intervals are those of the "
         "full simulation with exactly the true effects, whatever the verdict was.",
         intervals if result.coverages else "None could be compared."]
     if kinds:

@@ -104,15 +104,13 @@ def facts(value, where):
 
 
 def equally_long(schema):
-    """An object of arrays of one length."""
+    """An object of arrays of one length, which may be 0: a record that cannot tell may hold nothing to compare."""
     def check(value, where):
         arrays = schema(value, where)
         lengths = {key: len(item) for key, item in arrays.items() if isinstance(item, np.ndarray)}
         if len(set(lengths.values())) > 1:
             raise BadInput(f"{where} must hold arrays of one length, has " +
                            ", ".join(f"{key} {length}" for key, length in lengths.items()))
-        if 0 in lengths.values():
-            raise BadInput(f"{where} must not be empty")
         return arrays
     return check
 

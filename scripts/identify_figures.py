@@ -24,6 +24,8 @@ WAY = {"color": WAY_COLOUR, "linewidth": 1.0, "linestyle": (0, (1, 2))}
 
 def draw_series(series, name, description):
     """Force over time as measured and as simulated, and the way of the hoist on an axis of its own."""
+    if not len(series["time_s"]):
+        return None
     with plt.rc_context(STYLE):
         picture, axes = plt.subplots(figsize=(WIDTH_IN, 4.8))
         time_s = series["time_s"]
@@ -53,6 +55,8 @@ def draw_series(series, name, description):
 
 def draw_residuals(series, name, after_label):
     """Measured less simulated, before and after, in the bands that noise and model error explain."""
+    if not len(series["time_s"]):
+        return None
     with plt.rc_context(STYLE):
         panels = [("refitted_n", "baseline refitted", REFITTED["color"])]
         if series["with_effect_n"] is not None:
@@ -85,6 +89,8 @@ def draw_residuals(series, name, after_label):
 
 def draw_autocorrelation(autocorrelation, name):
     """Autocorrelation of the whitened residual; what is left unexplained stands out of the band."""
+    if not len(autocorrelation["lag_s"]):
+        return None
     with plt.rc_context(STYLE):
         picture, axes = plt.subplots(figsize=(WIDTH_IN, 3.4))
         lag_s, band = autocorrelation["lag_s"], autocorrelation["band"]

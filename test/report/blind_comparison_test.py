@@ -111,6 +111,12 @@ class Removed(unittest.TestCase):
         with self.assertRaisesRegex(ValueError, "differ by"):
             blind_comparison.line_up(sealed(effect_n=4000.0), curves()["series"])
 
+    def test_a_report_that_compared_nothing_removed_nothing(self):
+        empty = {key: np.array([]) for key in curves()["series"]}
+        one = case()
+        one.report["series"] = empty
+        self.assertIsNone(blind_comparison.removals(one)[0])
+
     def test_share_follows_from_what_is_left(self):
         # Refitting leaves 0.75 of a hump, the effect 0.1 of it (to the accuracy of lining up): the share there was to
         # remove is 0.75², and (0.75² - 0.1²) was.
@@ -246,9 +252,9 @@ class Aims(unittest.TestCase):
     def test_unknown_and_false_positives(self):
         aim = self.aim("called unknown")
         self.assertEqual((aim.hits, aim.total, aim.reached), (1, 2, False))
-        # Effect and unknown are claims, cannot_tell is none; the failed one is not judged.
+        # Effect and unknown are claims, cannot_tell is none; the failed one is not judged; the case "nothing" is.
         aim = self.aim("false positives")
-        self.assertEqual((aim.hits, aim.total, aim.reached), (2, 19, False))
+        self.assertEqual((aim.hits, aim.total, aim.reached), (2, 20, False))
         self.assertIn("1 of them name an effect", aim.detail)
 
     def test_limits_are_part_of_the_aim_and_no_case_is_no_judgement(self):
@@ -267,6 +273,7 @@ class Aims(unittest.TestCase):
         for name in ("right", "tied", "ripple", "nothing"):
             self.assertNotRegex(text, rf"(?m)^- `{name}` \(")
         self.assertIn("no report: exit code 1: out of ice", text)
+        self.assertIn("| cases without an effect | 1 | 1 | 0 | 0 | 0 | 0 | 0 | – |", text)
         self.assertIn("| lift | 20 | 16 | 1 | 1 | 0 | 1 | 1 | `load_cell_drift` |", text)
         self.assertIn("1 have no report and are not in the share: null_19: exit code 2: no.", text)
         self.assertNotRegex(text, r"\bnan\b")

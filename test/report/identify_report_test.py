@@ -313,11 +313,13 @@ class Input(TemporaryReport):
         self.assertNotIn("<b>", page)
         self.assertIn("&lt;b&gt;bold&lt;/b&gt;", page)
 
-    def test_an_empty_ranking_still_has_a_page(self):
-        page = self.page(made_report("cannot_tell", ranking=[], baseline=[], minimum_detectable=[], confusable=[],
-                                     next_experiment=[]))
+    def test_a_record_that_gave_nothing_to_compare_still_has_a_page(self):
+        empty = {key: [] for key in made_report()["series"]}
+        page = self.page(made_report(
+            "cannot_tell", ranking=[], baseline=[], minimum_detectable=[], confusable=[], next_experiment=[],
+            series=empty, holdout_series=None, autocorrelation={"lag_s": [], "before": [], "after": None, "band": None}))
         self.assertIn("No effect was tried", page)
-        self.assertEqual(page.count("<svg"), 4)
+        self.assertEqual(page.count("<svg"), 0)
 
 
 class Figures(unittest.TestCase):

@@ -1,46 +1,21 @@
 """Draws the figures of a study's report: line plots as SVG, pictures of particles as PNG."""
 
-import base64
-import html
-import io
 import math
-import re
-import xml.etree.ElementTree
 
-import matplotlib
+import numpy as np
+from matplotlib.collections import EllipseCollection
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402  (the backend has to be chosen first)
-import numpy as np  # noqa: E402
-from matplotlib.collections import EllipseCollection  # noqa: E402
-from matplotlib.lines import Line2D  # noqa: E402
-from matplotlib.patches import Patch  # noqa: E402
+from report_page import COLOURS, LINE_STYLES, STYLE, WIDTH_IN, plt, to_png, to_svg
+from study_data import Missing
 
-from study_data import Missing  # noqa: E402
-
-# Told apart by lightness alone, so in greyscale print and with colour blindness too. With the line styles they make 20
-# pairs before any repeats.
-COLOURS = ["#14213d", "#c8374f", "#2ba395", "#6a2380", "#e3b23c"]
-LINE_STYLES = ["-", (0, (6, 2)), (0, (2, 1.5)), (0, (7, 2, 1.5, 2))]
 WATER_COLOUR = "#2f7fb8"
 WATER_FILL = "#e8f2f9"
-STYLE = {
-    "font.size": 10,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": "#dddddd",
-    "grid.linewidth": 0.6,
-    "legend.frameon": False,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "brash_ice_rig",
-}
 # Samples are drawn as means over this: 100 a second would make the page heavy and show no more.
 DRAWN_INTERVAL_S = 0.1
 # The refilled share of a hole of fewer sites says little, and is not drawn.
 MIN_HOLE_SITES = 10
-WIDTH_IN = 12.0
 PLUG_PANELS = [
     ("raised_particles", "raised particles", 1.0),
     ("bulge_height_m", "largest rise of the top layer (m)", 1.0),
@@ -361,51 +336,6 @@ def left_out(asked, shown):
     if len(shown) > len(COLOURS) * len(LINE_STYLES):
         text += " The cases are so many that colours and line styles repeat."
     return text
-
-
-def to_svg(picture, name, description):
-    """The picture as an svg element for a page with others: no prolog, no namespaces, ids of its own."""
-    stream = io.StringIO()
-    picture.savefig(stream, format="svg", bbox_inches="tight", metadata={"Date": None})
-    plt.close(picture)
-    root = xml.etree.ElementTree.fromstring(stream.getvalue())
-    for parent in root.iter():
-        for child in list(parent):
-            # The metadata holds only addresses, and a style would reach beyond its picture; the page has that rule.
-            if local_name(child.tag) in ("metadata", "style"):
-                parent.remove(child)
-    for element in root.iter():
-        element.tag = local_name(element.tag)
-        attributes = {local_name(key): value for key, value in element.attrib.items()}
-        if "id" in attributes:
-            attributes["id"] = f"{name}-{attributes['id']}"
-        for key, value in attributes.items():
-            if key == "href":
-                attributes[key] = value.replace("#", f"#{name}-", 1)
-            else:
-                attributes[key] = re.sub(r"url\(#", f"url(#{name}-", value)
-        element.attrib.clear()
-        element.attrib.update(attributes)
-    for key in ("version", "width", "height"):
-        root.attrib.pop(key, None)
-    # The view box is in points; the page may shrink the picture, not blow it up.
-    points = float(root.get("viewBox").split()[2])
-    root.set("style", f"width:{points * 4.0 / 3.0:.0f}px")
-    root.set("role", "img")
-    root.set("aria-label", description)
-    return xml.etree.ElementTree.tostring(root, encoding="unicode")
-
-
-def local_name(name):
-    return name.rpartition("}")[2]
-
-
-def to_png(picture, description):
-    stream = io.BytesIO()
-    picture.savefig(stream, format="png", metadata={"Software": None})
-    plt.close(picture)
-    data = base64.b64encode(stream.getvalue()).decode("ascii")
-    return f'<img src="data:image/png;base64,{data}" alt="{html.escape(description)}">'
 
 
 DRAWERS = {

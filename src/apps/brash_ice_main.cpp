@@ -305,6 +305,12 @@ int runProgram(int argc, char** argv) {
                    "Simulations at a time (default: one per core; under mpirun one per process)")
       ->check(CLI::Range(1, 1024))
       ->type_name("N");
+  identify_command
+      ->add_option(
+          "--simulator", identify_options.simulator,
+          "The brash_ice that makes the simulations, such as the one that filled the cache (default: this one)")
+      ->check(CLI::ExistingFile)
+      ->type_name("PROGRAM");
   identify_command->add_flag("!--no-report", identify_options.report, "Leave out report.html");
 
   std::vector<std::string> files;

@@ -143,8 +143,8 @@ std::vector<Variant> makeVariants(const EffectDescription& effect, PositionOrigi
   std::vector<std::vector<std::pair<std::string, double>>> shapes{{}};
   bool has_main_shape = false;
   for (const EffectParameter& p : effect.parameters) {
-    if (p.role == ParameterRole::kShape && p.prior.kind == PriorKind::kLogNormal && !has_main_shape &&
-        groups.size() == 1) {
+    if (p.role == ParameterRole::kShape && p.prior.kind == PriorKind::kLogNormal && p.default_value != 0.0 &&
+        !has_main_shape && groups.size() == 1) {
       has_main_shape = true;
       shapes.clear();
       for (const double deviations : {-1.0, 0.0, 1.0}) {
@@ -169,7 +169,10 @@ std::vector<Variant> makeVariants(const EffectDescription& effect, PositionOrigi
   std::vector<Variant> variants;
   for (const auto& group : groups) {
     if (group.empty()) continue;
-    for (const auto& shape : shapes) variants.push_back(makePlain(effect, group, shape));
+    for (std::size_t k = 0; k < shapes.size(); ++k) {
+      variants.push_back(makePlain(effect, group, shapes[k]));
+      variants.back().central = shapes.size() < 3 || k == 1;
+    }
   }
   return variants;
 }

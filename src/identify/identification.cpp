@@ -76,6 +76,11 @@ Eigen::VectorXd stacked(const std::vector<Eigen::VectorXd>& parts) {
   return all;
 }
 
+/// Arrangements on which the signature is taken: shapes off the middle of what is believed get one.
+int pairsOf(const Variant& v) {
+  return v.central ? kPairs : 1;
+}
+
 /// A record with its simulations.
 struct Site {
   RecordCurves curves;
@@ -126,8 +131,8 @@ class Chain {
   LinearModel linearModel(const Model& model) const;
   void refit(Model& model) const { model.fit = fitLinear(data_, linearModel(model), errors_); }
   Model linear(const std::vector<const Variant*>& variants) const;
-  void findFalls(const Model& start, std::vector<double>& times, double& log_odds) const;
-  void findSwell(const Model& start, std::vector<double>& periods, double& log_odds) const;
+  double findFalls(const Model& start, std::vector<double>& times, double& log_odds) const;
+  double findSwell(const Model& start, std::vector<double>& periods, double& log_odds) const;
   void locate(const Model& start, const std::string& what);
   void confirm(std::vector<Model*> models, const std::string& what);
   Eigen::VectorXd clipped(const Model& model, Eigen::VectorXd x) const;
@@ -317,7 +322,7 @@ std::vector<std::string> Chain::requestSignature(const Site& site, const Variant
   if (v.effect->reading_only || !site.observation().ice_contact) return {};
   std::vector<std::string> keys;
   for (std::size_t k = 0; k < v.amplitudes.size(); ++k) {
-    for (int seed = 1; seed <= kPairs; ++seed) {
+    for (int seed = 1; seed <= pairsOf(v); ++seed) {
       Scenario s = site.scenario;
       s.field.seed = static_cast<std::uint64_t>(seed);
       Eigen::VectorXd a = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(v.amplitudes.size()));
@@ -345,17 +350,18 @@ Eigen::MatrixXd Chain::signature(const Site& site, const Variant& v) {
   const std::vector<std::string> keys = requestSignature(site, v);
   for (Eigen::Index k = 0; k < count; ++k) {
     const double step = v.amplitudes[static_cast<std::size_t>(k)].step;
-    for (int seed = 1; seed <= kPairs; ++seed) {
+    const int pairs = pairsOf(v);
+    for (int seed = 1; seed <= pairs; ++seed) {
       const Eigen::VectorXd before = site.bins(plain(seed));
       if (v.effect->reading_only) {
         Eigen::VectorXd a = Eigen::VectorXd::Zero(count);
         a[k] = step;
         EffectValues values(*v.effect);
         v.apply(values, a);
-        columns.col(k) += (site.bins(throughLoadCell(values, site.scenario, plain(seed))) - before) / (step * kPairs);
+        columns.col(k) += (site.bins(throughLoadCell(values, site.scenario, plain(seed))) - before) / (step * pairs);
       } else if (!keys.empty()) {
-        const std::string& key = keys[static_cast<std::size_t>(k) * kPairs + static_cast<std::size_t>(seed - 1)];
-        if (!runs_.failed(key)) columns.col(k) += (site.bins(runs_.force(key)) - before) / (step * kPairs);
+        const std::string& key = keys[static_cast<std::size_t>(k * pairs + seed - 1)];
+        if (!runs_.failed(key)) columns.col(k) += (site.bins(runs_.force(key)) - before) / (step * pairs);
       }
     }
   }
@@ -423,15 +429,16 @@ Model Chain::linear(const std::vector<const Variant*>& variants) const {
 
 /// Falls one after the other, each where it explains most, as long as each earns its place.
 /// @param log_odds  out: what having looked at many times costs
-void Chain::findFalls(const Model& start, std::vector<double>& times, double& log_odds) const {
+/// @return ln of the Bayes factor of all of them together
+double Chain::findFalls(const Model& start, std::vector<double>& times, double& log_odds) const {
   constexpr double kGridS = 0.5, kGain = 2.0;
   const Site& site = sites_.front();
   const double end = site.observation().time_s[site.rows() - 1];
   times.clear();
   log_odds = 0.0;
+  double total = 0.0;
   LinearModel model = linearModel(start);
   double before = start.fit.log_evidence;
-  // Kappa from the start: it would follow each trial only a little and cost twenty times the work.
   while (times.size() < 3) {
     std::vector<double> gains, places;
     LinearModel trial = model;
@@ -455,23 +462,26 @@ void Chain::findFalls(const Model& start, std::vector<double>& times, double& lo
         best = trial;
       }
     }
-    if (gains.empty()) return;
+    if (gains.empty()) return total;
     const double mean_gain = logMeanExp(gains);
     const auto top = static_cast<std::size_t>(std::max_element(gains.begin(), gains.end()) - gains.begin());
-    if (mean_gain < kGain && !times.empty()) return;
+    if (mean_gain < kGain && !times.empty()) return total;
     times.push_back(places[top]);
+    total += mean_gain;
     log_odds += mean_gain - gains[top];
     before = best_evidence;
     model = best;
-    if (mean_gain < kGain) return;
+    if (mean_gain < kGain) return total;
   }
+  return total;
 }
 
-void Chain::findSwell(const Model& start, std::vector<double>& periods, double& log_odds) const {
+double Chain::findSwell(const Model& start, std::vector<double>& periods, double& log_odds) const {
   constexpr double kShortestS = 3.0, kLongestS = 14.0, kRatio = 1.06, kGain = 2.0;
   const Site& site = sites_.front();
   periods.clear();
   log_odds = 0.0;
+  double total = 0.0;
   LinearModel model = linearModel(start);
   double before = start.fit.log_evidence;
   while (periods.size() < 3) {
@@ -500,13 +510,15 @@ void Chain::findSwell(const Model& start, std::vector<double>& periods, double& 
     }
     const double mean_gain = logMeanExp(gains);
     const auto top = static_cast<std::size_t>(std::max_element(gains.begin(), gains.end()) - gains.begin());
-    if (mean_gain < kGain && !periods.empty()) return;
+    if (mean_gain < kGain && !periods.empty()) return total;
     periods.push_back(places[top]);
+    total += mean_gain;
     log_odds += mean_gain - gains[top];
     before = best_evidence;
     model = best;
-    if (mean_gain < kGain) return;
+    if (mean_gain < kGain) return total;
   }
+  return total;
 }
 
 /// Adds falls and swell where the record suggests them, beside what a model has already.
@@ -523,13 +535,13 @@ void Chain::locate(const Model& start, const std::string& what) {
     added.push_back(variants_.back().get());
   };
   if (!isOn("block_drop")) {
-    findFalls(start, places, log_odds);
-    std::sort(places.begin(), places.end());
-    add(makeFalls(places));
+    if (findFalls(start, places, log_odds) > 0.0) {
+      std::sort(places.begin(), places.end());
+      add(makeFalls(places));
+    }
   }
   if (!isOn("vessel_heave")) {
-    findSwell(start, places, log_odds);
-    add(makeSwell(places));
+    if (findSwell(start, places, log_odds) > 0.0) add(makeSwell(places));
   }
   computeSignatures(added, what);
 }
@@ -594,7 +606,9 @@ std::optional<Eigen::VectorXd> Chain::simulated(const Model& model, const Eigen:
 
 /// Gauss-Newton with the slopes of the signatures: simulate where the fit is, and fit again around that.
 void Chain::confirm(std::vector<Model*> models, const std::string& what) {
-  for (int pass = 0; pass < kPasses; ++pass) {
+  // A baseline that stands alone is only drawn.
+  const int passes = models.size() > 1 || !models.front()->variants.empty() ? kPasses : 1;
+  for (int pass = 0; pass < passes; ++pass) {
     for (Model* model : models) {
       if (model->frozen) continue;
       model->x = clipped(*model, model->fit.x);
@@ -970,7 +984,9 @@ Identification Chain::run() {
     computeSignatures(all, "what effects do");
   }
   Model baseline = linear({});
-  locate(baseline, "falls and swell");
+  baseline.x = baseline.fit.x;
+  baseline.curve_n = baseline.fit.mean;
+  if (!input_.screen_only) locate(baseline, "falls and swell");
 
   // Each effect in its best shape; what the other shapes say of it counts as well.
   std::vector<Model> models;
@@ -994,7 +1010,7 @@ Identification Chain::run() {
   for (std::size_t k = 0; k < models.size() && k < kConfirmed; ++k) {
     if (score(models[k]) - baseline.fit.log_evidence > 0.0) to_confirm.push_back(&models[k]);
   }
-  confirm(to_confirm, "full simulations of the best explanations");
+  if (!input_.screen_only) confirm(to_confirm, "full simulations of the best explanations");
   // A simulation counts for more than a straight line.
   std::stable_sort(models.begin(), models.end(), [&](const Model& a, const Model& b) {
     return a.simulated != b.simulated ? a.simulated : score(a) > score(b);
@@ -1004,7 +1020,7 @@ Identification Chain::run() {
   for (const Model& model : models) result.ranking.push_back(explain(model, baseline));
   addDetectable(result, baseline);
   std::vector<Model*> shown;
-  if (input_.holdout) {
+  if (input_.holdout && !input_.screen_only) {
     std::vector<Model*> predicted{&baseline};
     for (Model& model : models) predicted.push_back(&model);
     // The one that is drawn: the best that will be accepted if it holds on this record.

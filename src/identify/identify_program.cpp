@@ -206,6 +206,7 @@ bool runIdentify(const IdentifyOptions& options) {
   RunPoolOptions pool;
   pool.stop = options.stop;
   pool.children = options.children;
+  if (!options.simulator.empty()) pool.program = std::filesystem::absolute(options.simulator).string();
   if (messages.rank() != 0) {
     pool.children = std::max(1, options.children);
     serveRuns(pool, messages);

@@ -110,6 +110,7 @@ struct NamedRecord {
 struct IdentifyInput {
   std::vector<NamedRecord> records;    ///< at least one; fitted together
   std::optional<NamedRecord> holdout;  ///< must be predicted
+  bool screen_only = false;            ///< rank by straight lines and confirm nothing: a quick look
 };
 
 /// The whole chain from records to a verdict.
@@ -125,6 +126,7 @@ struct IdentifyOptions {
   std::string directory;       ///< for the results
   std::string cache;           ///< for the runs; empty: directory/runs
   int children = 0;            ///< runs at a time; 0: one per core
+  std::string simulator;       ///< brash_ice that makes the runs; empty: the running one
   bool report = true;          ///< make report.html in the end
   std::function<bool()> stop;  ///< says true when all is to end
 };

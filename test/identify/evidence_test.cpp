@@ -1,0 +1,116 @@
+#include "brash_ice_rig/identify/evidence.h"
+
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "brash_ice_rig/identify/covariance.h"
+
+namespace brash_ice_rig {
+namespace {
+
+// Reference figures were computed with numpy 1.24 and scipy 1.10 from the textbook formulas in dense matrices.
+
+LinearModel smallModel() {
+  LinearModel m;
+  m.offset = Eigen::Vector4d(0.5, 0.0, 1.0, 0.0);
+  m.columns.resize(4, 2);
+  m.columns << 1.0, 0.5, 0.0, 1.0, 2.0, -1.0, 1.0, 0.0;
+  m.prior_mean = Eigen::Vector2d(0.3, 0.0);
+  m.prior_sigma = Eigen::Vector2d(0.8, 1.5);
+  m.positive = {false, false};
+  return m;
+}
+
+ErrorModel smallErrors() {
+  ErrorModel e;
+  e.noise = Eigen::Vector4d(0.2, 0.3, 0.4, 0.5).asDiagonal();
+  e.discrepancy = Eigen::MatrixXd::Zero(4, 4);
+  return e;
+}
+
+const Eigen::Vector4d kData(1.2, -0.4, 2.5, 0.9);
+
+TEST(LinearFit, EvidenceAndPosteriorAreThoseOfTheDenseGaussian) {
+  const LinearFit fit = fitLinear(kData, smallModel(), smallErrors());
+  EXPECT_NEAR(fit.log_evidence, -4.369523289990887, 1e-9);
+  EXPECT_NEAR(fit.x[0], 0.68585457, 1e-7);
+  EXPECT_NEAR(fit.x[1], -0.21502985, 1e-7);
+  EXPECT_NEAR(fit.covariance(0, 0), 0.05639445, 1e-7);
+  EXPECT_NEAR(fit.covariance(0, 1), 0.01872878, 1e-7);
+  EXPECT_NEAR(fit.kappa, 1.0, 2e-3);  // nothing depends on it
+}
+
+TEST(LinearFit, APositiveUnknownStaysAtZeroAndCostsEvidence) {
+  LinearModel m = smallModel();
+  m.positive[1] = true;
+  const LinearFit fit = fitLinear(kData, m, smallErrors());
+  EXPECT_EQ(fit.x[1], 0.0);
+  // Twice the probability that it is positive: 2 Phi(-0.21502985 / sqrt(0.13906122)).
+  const double share = std::erfc(0.21502985 / std::sqrt(0.13906122) / std::sqrt(2.0));
+  EXPECT_NEAR(fit.log_evidence, -4.369523289990887 + std::log(share), 1e-6);
+}
+
+TEST(LinearFit, KappaGrowsWithWhatTheDiscrepancyHasToExplain) {
+  LinearModel m = smallModel();
+  m.columns.resize(4, 0);
+  m.prior_mean.resize(0);
+  m.prior_sigma.resize(0);
+  m.positive.clear();
+  ErrorModel e = smallErrors();
+  e.discrepancy = Eigen::MatrixXd::Identity(4, 4);
+  const LinearFit calm = fitLinear(m.offset, m, e);
+  const LinearFit wild = fitLinear(m.offset + Eigen::VectorXd::Constant(4, 5.0), m, e);
+  EXPECT_LT(calm.kappa, 1.0);
+  EXPECT_GT(wild.kappa, 1.3);
+  EXPECT_GT(wild.chi2_per_datum, calm.chi2_per_datum);
+}
+
+TEST(Detectability, IsTheWhitenedNormOfWhatTheBaselineCannotExplain) {
+  LinearModel m = smallModel();
+  const Detectability d(m, smallErrors(), 1.0);
+  const Eigen::VectorXd along = m.columns.col(0);
+  m.prior_sigma.setConstant(1e6);  // free to explain it all
+  EXPECT_LT(Detectability(m, smallErrors(), 1.0).of(along), 0.01 * d.of(along));
+  EXPECT_NEAR(d.correlation(along, 3.0 * along), 1.0, 1e-12);
+  LinearModel none = smallModel();
+  none.columns = Eigen::MatrixXd::Zero(4, 2);
+  EXPECT_NEAR(Detectability(none, smallErrors(), 1.0).of(Eigen::Vector4d(1, 0, 0, 1)), std::sqrt(5.0 + 2.0), 1e-12);
+}
+
+TEST(LjungBox, PValueIsThatOfTheTextbook) {
+  Eigen::VectorXd v(12);
+  v << 0.3, -1.1, 0.8, 0.9, -0.2, 0.1, 1.4, -0.7, 0.05, -0.6, 0.2, 0.45;
+  EXPECT_NEAR(computeLjungBox(v, 3), 0.4596478550628118, 1e-10);
+  EXPECT_NEAR(computeAutocorrelation(v, 1)[1], -0.3112752338749385, 1e-12);
+  EXPECT_EQ(computeLjungBox(v, 5), 1.0);  // too few values
+}
+
+TEST(ChiSquare, TailIsThatOfTheTables) {
+  EXPECT_NEAR(computeChiSquareTail(3.841459, 1), 0.05, 1e-7);
+  EXPECT_NEAR(computeChiSquareTail(18.307038, 10), 0.05, 1e-7);
+  EXPECT_NEAR(computeChiSquareTail(37.566235, 20), 0.01, 1e-7);
+  EXPECT_EQ(computeChiSquareTail(0.0, 5), 1.0);
+}
+
+TEST(LogMeanExp, IsTheLogOfTheMeanAndDoesNotOverflow) {
+  EXPECT_NEAR(logMeanExp({0.0, std::log(3.0)}), std::log(2.0), 1e-15);
+  EXPECT_NEAR(logMeanExp({2000.0, 2000.0}), 2000.0, 1e-12);
+}
+
+TEST(Covariance, MaternOfThreeHalvesIsEquation417) {
+  EXPECT_NEAR(computeMatern32(0.3, 0.2), 0.2677566068644094, 1e-14);
+  EXPECT_EQ(computeMatern32(0.0, 0.2), 1.0);
+}
+
+TEST(Covariance, NoiseHasItsVarianceOnTheDiagonalAndForgets) {
+  const Eigen::VectorXd time = Eigen::VectorXd::LinSpaced(400, 0.0, 99.75);
+  const Eigen::MatrixXd k = computeNoiseCovariance({30.0, 40.0}, time);
+  EXPECT_NEAR(k(7, 7), 2500.0, 1e-9);
+  EXPECT_GT(k(0, 1), k(0, 10));
+  // After 99.75 s only the slowest third is left: exp(-99.75 / 30) of it.
+  EXPECT_NEAR(k(0, 399), 1600.0 / 3.0 * std::exp(-99.75 / 30.0), 1e-6);
+}
+
+}  // namespace
+}  // namespace brash_ice_rig

@@ -1,0 +1,147 @@
+#include "brash_ice_rig/identify/observation.h"
+
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "../output/temporary_directory.h"
+#include "brash_ice_rig/config/scenario_reader.h"
+#include "brash_ice_rig/identify/candidate.h"
+#include "brash_ice_rig/identify/overlay.h"
+#include "made_record.h"
+
+namespace brash_ice_rig {
+namespace {
+
+Observation observe(const RecordRecipe& recipe) {
+  const Record record = makeRecord(recipe);
+  return makeObservation(record, checkRecord(record));
+}
+
+TEST(Observation, RecordsOfOneProcedureHaveTheSameWay) {
+  RecordRecipe a, b;
+  b.seed = 7;
+  b.quiet_s = 13.7;
+  const HoistPath first = observe(a).path, second = observe(b).path;
+  EXPECT_EQ(first.time_s, second.time_s);
+  EXPECT_EQ(first.height_m, second.height_m);
+  ASSERT_GE(first.time_s.size(), 3u);
+  EXPECT_EQ(first.time_s[0], 0.0);
+  EXPECT_NEAR(first.time_s[1], 40.0, 0.11);
+  EXPECT_NEAR(first.height_m[1], 2.08, 0.011);
+}
+
+TEST(Observation, StopsAreCornersOfTheWay) {
+  RecordRecipe recipe;
+  recipe.stages_s = {12.0, 8.0, 28.0, 5.0};
+  const Observation o = observe(recipe);
+  ASSERT_GE(o.path.time_s.size(), 5u);
+  EXPECT_NEAR(o.path.time_s[1], 12.0, 0.21);
+  EXPECT_NEAR(o.path.time_s[2], 20.0, 0.21);
+  EXPECT_EQ(o.path.height_m[1], o.path.height_m[2]);
+  // Distance covered does not grow while the hoist stands.
+  const auto at = [&](double t) { return static_cast<Eigen::Index>(std::lround((t - o.time_s[0]) / kBinS)); };
+  EXPECT_NEAR(o.travel_m[at(14.0)], o.travel_m[at(18.0)], 1e-12);
+}
+
+TEST(Observation, BinsAreMeansWithoutTareAndNoiseIsThatOfTheRest) {
+  RecordRecipe recipe;
+  recipe.white_noise_n = 50.0;
+  recipe.slow_noise_n = 0.0;
+  recipe.tare_n = 300.0;
+  const Observation o = observe(recipe);
+  const double rest = o.force_n.head(20).mean();
+  EXPECT_NEAR(rest, 0.0, 15.0);
+  // 12 or 13 samples a bin at 50 Hz.
+  EXPECT_NEAR(o.noise.white_n, 50.0 / std::sqrt(12.5), 2.0);
+  EXPECT_NEAR(o.time_s[1] - o.time_s[0], kBinS, 1e-12);
+}
+
+TEST(Observation, MeanOverABinIsTheIntegralOfTheBrokenLine) {
+  const std::vector<double> time = {0.0, 0.1, 0.2, 0.3, 0.4, 0.5}, force = {0.0, 1.0, 2.0, 3.0, 4.0, 5.0};
+  const Eigen::VectorXd bins = Eigen::Vector3d(-1.0, 0.25, 9.0);
+  const Eigen::VectorXd means = binned(time, force, bins);
+  EXPECT_EQ(means[0], 0.0);
+  EXPECT_NEAR(means[1], 2.5, 1e-12);
+  EXPECT_NEAR(means[2], 5.0, 1e-12);
+  EXPECT_NEAR(binned(time, force, bins, 0.1)[1], 1.5, 1e-12);
+}
+
+TEST(Candidates, EachEffectOfTheLibraryIsTriedInSomeWay) {
+  for (const EffectDescription& effect : effectRegistry()) {
+    const std::string name = effect.name;
+    const auto variants = makeVariants(effect, PositionOrigin::kCommanded);
+    if (name == "block_drop" || name == "vessel_heave") {
+      EXPECT_TRUE(variants.empty()) << name;
+      continue;
+    }
+    ASSERT_FALSE(variants.empty()) << name;
+    for (const Variant& v : variants) {
+      Scenario s;
+      Eigen::VectorXd a(static_cast<Eigen::Index>(v.amplitudes.size()));
+      for (Eigen::Index k = 0; k < a.size(); ++k) a[k] = v.amplitudes[static_cast<std::size_t>(k)].step;
+      v.apply(s.effects[name], a);
+      EXPECT_TRUE(s.effects[name].enabled) << name;
+      EXPECT_NO_THROW(s.validate()) << name << " " << v.label;
+    }
+  }
+}
+
+TEST(Candidates, AMeasuredPositionHasTheLossOfSpeedInItAlready) {
+  for (const EffectDescription& effect : effectRegistry()) {
+    if (std::string(effect.name) != "crane_speed") continue;
+    EXPECT_TRUE(makeVariants(effect, PositionOrigin::kMeasured).empty());
+    EXPECT_EQ(makeVariants(effect, PositionOrigin::kCommanded).size(), 1u);
+  }
+}
+
+TEST(Candidates, SwellOfSineAndCosineHasTheirAmplitudeAndPhase) {
+  const Variant v = makeSwell({6.0, 9.0});
+  Scenario s;
+  v.apply(s.effects["vessel_heave"], Eigen::Vector4d(0.03, 0.04, 0.0, -0.02));
+  EffectValues& heave = s.effects["vessel_heave"];
+  EXPECT_NEAR(heave["amplitude_1_m"], 0.05, 1e-15);
+  EXPECT_NEAR(heave["phase_1_deg"], 53.13010235415598, 1e-12);  // atan2(4, 3)
+  EXPECT_NEAR(heave["phase_2_deg"], -90.0, 1e-12);
+  EXPECT_EQ(heave["amplitude_3_m"], 0.0);
+}
+
+TEST(Candidates, LoadCellActsOnTheForceAboveTheEmptyRig) {
+  SimulatedForce force;
+  for (int i = 0; i < 10; ++i) {
+    force.time_s.push_back(0.05 * i);
+    force.force_n.push_back(1000.0 * i);
+    force.empty_force_n.push_back(0.0);
+  }
+  Scenario s;
+  EffectValues& scale = s.effects["load_cell_scale"];
+  scale.enabled = true;
+  scale.set("error_ratio", 0.1);
+  const SimulatedForce read = throughLoadCell(scale, s, force);
+  EXPECT_NEAR(read.force_n[9], 9900.0, 1e-9);
+  EXPECT_EQ(read.empty_force_n[9], 0.0);
+}
+
+TEST(Overlay, MakesTheTwinOutOfTheDefaultScenario) {
+  Scenario twin;
+  twin.ice.void_fraction = 0.55;
+  twin.procedure.start_gap_m = 0.02;
+  twin.procedure.lift_duration_s = 7.0;  // not the twin's
+  twin.field.seed = 9;
+  twin.effects["drainage"].enabled = true;
+  twin.effects["drainage"].set("held_ratio", 0.21);
+  const TemporaryDirectory directory;
+  ScenarioSources sources;
+  sources.overlays = {directory.put("overlay.yaml", toOverlay(twin))};
+  Scenario read = loadScenario(sources);
+  EXPECT_EQ(read.ice.void_fraction, 0.55);
+  EXPECT_EQ(read.procedure.start_gap_m, 0.02);
+  EXPECT_EQ(read.procedure.lift_duration_s, 40.0);
+  EXPECT_EQ(read.field.seed, 1u);
+  EXPECT_TRUE(read.effects["drainage"].enabled);
+  EXPECT_EQ(read.effects["drainage"]["held_ratio"], 0.21);
+  EXPECT_EQ(toOverlay(Scenario()), "");
+}
+
+}  // namespace
+}  // namespace brash_ice_rig

@@ -18,6 +18,8 @@ constexpr double kPathToleranceM = 0.006;
 constexpr double kShortestPieceS = 2.0;
 
 constexpr double kTimeGridS = 0.1, kHeightGridM = 0.005;
+/// Of the rest after the last motion: rounded up, but for half a second, which is left out.
+constexpr double kRestGridS = 5.0;
 
 double rounded(double value, double grid) {
   // Divided by a whole number, so that 40.1 is the 40.1 of a text.
@@ -118,6 +120,17 @@ HoistPath fitPath(const std::vector<double>& t, const std::vector<double>& p, co
     path.time_s.push_back(at);
     path.height_m.push_back(rounded(height[k] - height[first], kHeightGridM));
   }
+  // How long somebody went on recording at rest is no matter of the procedure.
+  const bool rests_last = lines.size() > 1 && lines.back().slope_mps == 0.0 && path.time_s.size() > 1;
+  if (rests_last) {
+    const double moved_s = path.time_s[path.time_s.size() - 2], rest_s = path.time_s.back() - moved_s;
+    path.time_s.back() = rounded(moved_s + kRestGridS * std::ceil((rest_s - 0.5) / kRestGridS), kTimeGridS);
+    path.height_m.back() = path.height_m[path.height_m.size() - 2];
+    if (path.time_s.back() <= moved_s) {
+      path.time_s.pop_back();
+      path.height_m.pop_back();
+    }
+  }
   if (path.time_s.size() < 2) {
     path.time_s.push_back(path.time_s.back() + 1.0);
     path.height_m.push_back(path.height_m.back());
@@ -134,7 +147,8 @@ double interpolated(const std::vector<double>& x, const std::vector<double>& y, 
 }
 
 /// From the bins at rest: scatter within them is white, what is left between them is slow. A short stretch hides slow
-/// noise, so there is at least half as much of it as one sample scatters.
+/// noise, so there is at least half as much of it as one sample scatters, and at most
+/// 2.5 times that.
 ForceNoise estimateNoise(const std::vector<std::vector<double>>& rest_bins, double sigma_n) {
   double within = 0.0, samples = 0.0, bins = 0.0;
   std::vector<double> means;
@@ -156,7 +170,9 @@ ForceNoise estimateNoise(const std::vector<std::vector<double>>& rest_bins, doub
     for (const double mean : means) between += (mean - centre) * (mean - centre);
     between /= static_cast<double>(means.size() - 1);
     const double sample = std::sqrt(within / samples);
-    noise.slow_n = std::sqrt(std::max(between - noise.white_n * noise.white_n, 0.25 * sample * sample));
+    // Much more than that is no noise of a sensor: swell moves a rig that touches the ice.
+    noise.slow_n =
+        std::sqrt(std::clamp(between - noise.white_n * noise.white_n, 0.25 * sample * sample, 6.25 * sample * sample));
   }
   noise.white_n = std::max(noise.white_n, 1.0);  // a synthetic record without any
   noise.slow_n = std::max(noise.slow_n, 1.0);

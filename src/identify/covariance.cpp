@@ -31,20 +31,21 @@ Eigen::MatrixXd computeDiscrepancyCovariance(const Discrepancy& d, const Observa
   const Eigen::Index n = o.time_s.size();
   const double peak = ice_force_n.cwiseAbs().maxCoeff();
   // Distance covered, and time spent since the start, in units of distance.
-  Eigen::VectorXd place(n), smooth(n), rough(n), turn = Eigen::VectorXd::Zero(n);
+  Eigen::VectorXd place(n), smooth(n), rough(n), rest(n), turn = Eigen::VectorXd::Zero(n);
   for (Eigen::Index i = 0; i < n; ++i) {
     const bool moving = o.time_s[i] > 0.0;
     place[i] = o.travel_m[i] + d.creep_mps * std::max(o.time_s[i], 0.0);
     const double own = d.share * std::abs(ice_force_n[i]);
     smooth[i] = moving ? std::sqrt(own * own + chaos_n[i] * chaos_n[i]) + d.share_of_peak * peak : 0.0;
     rough[i] = moving ? d.rough_share * std::abs(ice_force_n[i]) : 0.0;
+    rest[i] = std::hypot(d.rest_share * peak, chaos_n[0]) * std::exp(-place[i] / d.rest_length_m);
   }
   Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(n, n);
   for (Eigen::Index i = 0; i < n; ++i) {
     for (Eigen::Index j = 0; j <= i; ++j) {
       const double apart = std::abs(place[i] - place[j]);
       covariance(i, j) = smooth[i] * smooth[j] * computeMatern32(apart, d.length_m) +
-                         rough[i] * rough[j] * computeMatern32(apart, d.rough_length_m);
+                         rough[i] * rough[j] * computeMatern32(apart, d.rough_length_m) + rest[i] * rest[j];
     }
   }
   // Each start, stop and turn has a term of its own, that fades with the distance or the time since.

@@ -186,6 +186,8 @@ std::string toJson(const Identification& id, const Thresholds& t, const Discrepa
                          {"rough_length_m", d.rough_length_m},
                          {"turn_share", d.turn_share},
                          {"turn_length_m", d.turn_length_m},
+                         {"rest_share", d.rest_share},
+                         {"rest_length_m", d.rest_length_m},
                          {"creep_mps", d.creep_mps}};
   json["runs"] = {{"needed", id.runs_needed}, {"made", id.runs_made}, {"wall_s", id.wall_s}};
   json["series"] = seriesJson(first);

@@ -1,0 +1,137 @@
+// Drives `brash_ice identify` as a test engineer does, on records of a small field that our own simulator makes.
+
+#include <cmath>
+#include <fstream>
+#include <functional>
+#include <random>
+#include <string>
+
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include "../output/shell.h"
+#include "../output/temporary_directory.h"
+#include "brash_ice_rig/identify/observation.h"
+
+namespace brash_ice_rig {
+namespace {
+
+class IdentifyProgram : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    directory_ = new TemporaryDirectory();
+    directory_->put("small.yaml",
+                    "title: Small field\n"
+                    "field: {length_x_m: 3.6, length_y_m: 3.6, thickness_m: 0.6, jitter_ratio: 0.1, seed: 99}\n"
+                    "collector: {radius_m: 0.9, rim_height_m: 0.2, displaced_volume_m3: 0.001, pole_radius_m: 0.02}\n"
+                    "procedure: {settle_duration_s: 2.0, lift_speed_mps: 0.15, lift_duration_s: 8.0, "
+                    "hold_duration_s: 5.0}\n"
+                    "solver: {threads: 1, active_set: false}\n");
+    const Outcome run = program("run small.yaml --out run");
+    ASSERT_EQ(run.exit_code, 0) << run.text;
+  }
+  static void TearDownTestSuite() {
+    delete directory_;
+    directory_ = nullptr;
+  }
+
+  static Outcome program(const std::string& arguments) {
+    return runShell("cd '" + directory_->path() + "' && '" BRASH_ICE_PROGRAM "' " + arguments);
+  }
+
+  /// Makes a record of the run: 8 s of rest, then the lift, with noise and what `changed` does to the force.
+  static void record(const std::string& name, unsigned seed,
+                     const std::function<double(double force_n, double empty_force_n)>& changed) {
+    const SimulatedForce force = readSimulatedForce(directory_->file("run"));
+    std::mt19937 generator(seed);
+    std::normal_distribution<double> noise(0.0, 15.0);
+    std::ofstream csv(directory_->file(name + ".csv"));
+    csv << "time_s,force_n,hoist_position_m\n";
+    const double start_m = -0.74;
+    for (int row = 0; row * 0.02 < 21.0; ++row) {
+      const double time = row * 0.02 - 8.0, lifted = std::min(std::max(time, 0.0), 8.0) * 0.15;
+      const auto at = static_cast<std::size_t>(std::max(std::lround(time / 0.01), 0L));
+      const std::size_t i = std::min(at, force.force_n.size() - 1);
+      csv << row * 0.02 << ',' << std::round(changed(force.force_n[i], force.empty_force_n[i]) + noise(generator))
+          << ',' << start_m + lifted << '\n';
+    }
+    std::ofstream(directory_->file(name + ".yaml"))
+        << "source: synthetic\ntare_n: 0\nposition: measured\nrig: run/scenario.yaml\n"
+           "ice: {thickness_m: 0.6, void_fraction: 0.6 ± 0.03, cohesion_pa: 200 ± 50, friction_angle_deg: 50 ± 3}\n";
+  }
+
+  static nlohmann::json report(const std::string& directory) {
+    return nlohmann::json::parse(std::ifstream(directory_->file(directory + "/report.json")));
+  }
+
+  static TemporaryDirectory* directory_;
+};
+
+TemporaryDirectory* IdentifyProgram::directory_ = nullptr;
+
+TEST_F(IdentifyProgram, NothingIsMissingInARecordOfOurOwnSimulationAndASecondTimeNoneIsMade) {
+  record("plain", 1, [](double force, double) { return force; });
+  const Outcome outcome = program("identify plain.csv --out plain_out --cache cache --no-report");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
+  auto json = report("plain_out");
+  EXPECT_EQ(json["verdict"], "none") << outcome.text;
+  EXPECT_TRUE(json["effects"].empty());
+  EXPECT_TRUE(json["after"].is_null());
+  EXPECT_GT(json["minimum_detectable"].size(), 10u);
+  EXPECT_FALSE(json["next_experiment"].empty());
+
+  ASSERT_EQ(program("identify plain.csv --out plain_out --cache cache --no-report").exit_code, 0);
+  auto second = report("plain_out");
+  EXPECT_EQ(second["runs"]["made"], 0);
+  for (auto* each : {&json, &second}) each->erase("runs");
+  EXPECT_EQ(json, second);
+}
+
+TEST_F(IdentifyProgram, ZeroErrorOfTheLoadCellIsNamedAndTheErrorFalls) {
+  const auto biased = [](double force, double) { return force + 350.0; };
+  record("biased", 2, biased);
+  record("biased_again", 3, biased);
+  const Outcome outcome =
+      program("identify biased.csv --holdout biased_again.csv --out biased_out --cache cache --no-report");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
+  const auto json = report("biased_out");
+  ASSERT_FALSE(json["effects"].empty()) << outcome.text;
+  EXPECT_EQ(json["effects"][0], "load_cell_bias");
+  EXPECT_LT(json["after"]["rmse_n"], 0.8 * json["baseline_refitted"]["rmse_n"].get<double>());
+  EXPECT_LT(json["holdout"]["after"]["rmse_n"], json["holdout"]["baseline_refitted"]["rmse_n"]);
+  const auto& parameter = json["ranking"][0]["parameters"][0];
+  EXPECT_EQ(parameter["key"], "effects.load_cell_bias.bias_n");
+  EXPECT_LT(parameter["low"], 350.0);
+  EXPECT_GT(parameter["high"], 350.0);
+
+  // The loop is closed: the overlay runs.
+  const Outcome twin = program(
+      "run small.yaml --overlay biased_out/overlay.yaml --set procedure.lift_duration_s=0.5 --set "
+      "procedure.hold_duration_s=0 --out twin");
+  EXPECT_EQ(twin.exit_code, 0) << twin.text;
+  EXPECT_TRUE(contains(
+      readFile(directory_->file("twin/scenario.yaml")), "bias_n: " + [&] {
+        char text[32];
+        std::snprintf(text, sizeof text, "%.4g", parameter["value"].get<double>());
+        return std::string(text).substr(0, 3);
+      }()));
+}
+
+TEST_F(IdentifyProgram, GarbageIsRefusedAndLeavesNoReport) {
+  directory_->put("garbage.csv", "time_s,force_n,hoist_position_m\n0,nan,0\n1,x,0\n");
+  directory_->put("garbage.yaml", "source: field\n");
+  const Outcome outcome = program("identify garbage.csv --out garbage_out --no-report");
+  EXPECT_EQ(outcome.exit_code, 2) << outcome.text;
+  EXPECT_TRUE(contains(outcome.text, "too_few_samples")) << outcome.text;
+  EXPECT_FALSE(std::ifstream(directory_->file("garbage_out/report.json")).good());
+}
+
+TEST_F(IdentifyProgram, RecordWithoutIceCannotTell) {
+  record("empty", 4, [](double, double empty_force) { return empty_force; });
+  const Outcome outcome = program("identify empty.csv --out empty_out --cache cache --no-report");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
+  EXPECT_EQ(report("empty_out")["verdict"], "cannot_tell") << outcome.text;
+}
+
+}  // namespace
+}  // namespace brash_ice_rig

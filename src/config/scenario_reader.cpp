@@ -257,9 +257,11 @@ void flatten(const YAML::Node& map, const std::string& prefix, const std::string
   }
 }
 
+constexpr const char* kContent = "sections, such as `field:` with indented `spacing_m: 0.3`";
+
 std::vector<Entry> readFile(const std::string& path) {
   std::vector<Entry> entries;
-  flatten(readYamlMap(path, "sections, such as `field:` with indented `spacing_m: 0.3`"), "", path, entries);
+  flatten(readYamlMap(path, kContent), "", path, entries);
   return entries;
 }
 
@@ -286,6 +288,12 @@ class Composer {
 
   void applyFile(const std::string& path) {
     for (const Entry& entry : readFile(path)) apply(entry);
+  }
+
+  void applyText(const std::string& yaml, const std::string& where) {
+    std::vector<Entry> entries;
+    flatten(parseYamlMap(yaml, where, kContent), "", where, entries);
+    for (const Entry& entry : entries) apply(entry);
   }
 
   void applyOverlay(const std::string& path) {
@@ -393,6 +401,12 @@ Scenario loadScenario(const ScenarioSources& sources) {
   for (const std::string& overlay : sources.overlays) composer.applyOverlay(overlay);
   composer.applySettings(sources.settings);
   return composer.finish(sources.file);
+}
+
+Scenario parseScenario(const std::string& yaml, const std::string& where) {
+  Composer composer;
+  composer.applyText(yaml, where);
+  return composer.finish(where);
 }
 
 std::vector<std::pair<std::string, std::string>> keyValues(const Scenario& scenario) {

@@ -21,6 +21,11 @@ struct ScenarioSources {
 ///   one), a wrong type, a value out of range, or two overlays that give one key different values
 Scenario loadScenario(const ScenarioSources& sources);
 
+/// Reads and validates a scenario that is in memory.
+/// @param where  what to call its source in messages
+/// @throws ConfigError as loadScenario() does
+Scenario parseScenario(const std::string& yaml, const std::string& where);
+
 /// The whole scenario as YAML, every key with its value; loadScenario reads it back to an equal scenario.
 std::string toYaml(const Scenario& scenario);
 

@@ -645,12 +645,7 @@ void Simulation::Impl::visitState(StateVisitor& visitor) {
 /// What is only counted and shown. It depends on how a run was cut into advances, or whether the audit watches.
 void Simulation::Impl::visitBooks(StateVisitor& visitor) {
   visitor("active_particle_steps", active_particle_steps);
-  std::uint32_t bits = flags.bits();
-  visitor("flags", bits);
-  flags = StatusFlags();
-  for (unsigned bit = 0; bit < 32; ++bit) {
-    if ((bits >> bit & 1u) != 0) flags.set(static_cast<StatusFlag>(1u << bit));
-  }
+  flags.visitState(visitor);
   if (audit) audit->visitState(visitor);
   const std::uint64_t present_hash = stateHash();
   std::uint64_t hash = present_hash;
@@ -676,7 +671,8 @@ void Simulation::save(CheckpointWriter& file) const {
 
 Simulation Simulation::load(CheckpointReader& file, std::optional<int> threads) {
   // Its particles must be there before the scenario's word is taken for their number.
-  const double smallest = brash_ice_rig::particleCount(file.scenario().field) * static_cast<double>(sizeof(Eigen::Vector3d));
+  const double smallest =
+      brash_ice_rig::particleCount(file.scenario().field) * static_cast<double>(sizeof(Eigen::Vector3d));
   if (static_cast<double>(file.size(kWorldSection)) < smallest) {
     file.refuse("holds fewer particles than its scenario has");
   }

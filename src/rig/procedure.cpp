@@ -94,6 +94,13 @@ void Procedure::visitState(StateVisitor& visitor) {
   stage_ = static_cast<Stage>(stage);
   visitor("stage_start_s", stage_start_s_);
   visitor("fold_target", fold_target_);
+  if (!motion_) return;
+  const std::uint64_t present_motion = motion_->hash();
+  std::uint64_t motion = present_motion;
+  visitor("motion", motion);
+  if (motion != present_motion) {
+    visitor.refuse("procedure.motion_file, " + config_.motion_file + ", has changed since it was saved");
+  }
 }
 
 }  // namespace brash_ice_rig

@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "brash_ice_rig/config/config_error.h"
 #include "brash_ice_rig/effects/effect.h"
 #include "brash_ice_rig/ice/ice_field.h"
 #include "brash_ice_rig/ice/ice_scaling.h"
@@ -678,6 +679,11 @@ Simulation Simulation::load(CheckpointReader& file, std::optional<int> threads) 
   }
   Scenario scenario = file.scenario();
   if (threads) scenario.solver.threads = *threads;
+  try {
+    scenario.validate();
+  } catch (const ConfigError& error) {
+    file.refuse(std::string("its scenario: ") + error.what());
+  }
   Simulation simulation(scenario);
   file.read(kWorldSection, [&](StateVisitor& visitor) { simulation.impl_->visitState(visitor); });
   file.read(kBooksSection, [&](StateVisitor& visitor) { simulation.impl_->visitBooks(visitor); });

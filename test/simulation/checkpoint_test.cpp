@@ -172,6 +172,29 @@ TEST_F(Checkpoint, KeepsTareCommandsAndWhatWaitsInTheMailbox) {
   EXPECT_EQ(resumed.stateHash(), whole.stateHash());
 }
 
+TEST_F(Checkpoint, WithAMotionFileGoesOnOnlyAlongTheSameMotion) {
+  const std::string corners = "time_s,hoist_position_m\n0,0\n0.7,0.2\n1.5,0.3\n";
+  Scenario s = lift();
+  s.procedure.motion_file = directory_.put("motion.csv", corners);
+  expectSameFuture(s, 1.0, 0.6);
+  directory_.put("motion.csv", "time_s,hoist_position_m\n0,0\n0.7,0.2\n1.5,0.31\n");
+  try {
+    Simulation::load(file_);
+    ADD_FAILURE() << "went on along another motion";
+  } catch (const ConfigError& error) {
+    EXPECT_EQ(std::string(error.what()), file_ + ": section world: procedure.motion_file, " + s.procedure.motion_file +
+                                             ", has changed since it was saved");
+  }
+  std::filesystem::remove(s.procedure.motion_file);
+  try {
+    Simulation::load(file_);
+    ADD_FAILURE() << "went on without its motion";
+  } catch (const ConfigError& error) {
+    EXPECT_EQ(std::string(error.what()).rfind(file_ + ": its scenario: ", 0), 0u) << error.what();
+    EXPECT_NE(std::string(error.what()).find("motion.csv"), std::string::npos) << error.what();
+  }
+}
+
 TEST_F(Checkpoint, HoldsTheScenario) {
   Scenario s = lift();
   s.title = "Title with \"quotes\" and \n a second line";

@@ -42,12 +42,12 @@ class CheckpointWriter {
 /// Reads a checkpoint. The file is untrusted: nothing is allocated on its word alone.
 class CheckpointReader {
  public:
-  /// Checks the file as a whole: kind, byte order, version, size, hash, list of sections, scenario.
+  /// Checks the file as a whole: kind, byte order, version, size, hash, list of sections, each key of the scenario.
   /// @throws ConfigError naming file and reason
   explicit CheckpointReader(const std::string& path);
 
   const std::string& path() const { return path_; }
-  /// That of the run that was saved.
+  /// That of the run that was saved; validate() it before use.
   const Scenario& scenario() const { return scenario_; }
 
   bool has(const std::string& section) const { return find(section) != nullptr; }

@@ -26,6 +26,7 @@ constexpr double kIdleCreepS = 1.0e-6;  // see publishIdleFrame()
 constexpr double kLongestStepS = 3600.0;
 constexpr double kCommandLogIntervalS = 2.0;
 constexpr std::chrono::seconds kOverloadLogInterval{30};
+constexpr char kNodeSection[] = "node";              // of a checkpoint
 constexpr std::chrono::seconds kCommanderMemory{1};  // wall time for which a sender of commands counts as active
 
 bool isFinite(const geometry_msgs::Vector3& vector) {
@@ -259,6 +260,7 @@ int RigNode::run() {
   }
   refuseRequests();
   finishRun(scenario_.procedure.control == ControlMode::kScripted && !script_done_);
+  finishAutosave();
   if (plot_.valid()) plot_.wait();
   if (ros::ok()) {
     publishStatus(WallClock::now());
@@ -384,10 +386,6 @@ RigNode::Answer RigNode::replaceWorld(std::unique_ptr<Simulation> world, Checkpo
   return {true, message};
 }
 
-namespace {
-constexpr char kNodeSection[] = "node";
-}
-
 CheckpointWriter RigNode::makeCheckpoint(const std::string& path) {
   makeDirectory(options_.checkpoint_dir);
   CheckpointWriter file(path, scenario_);
@@ -406,31 +404,32 @@ void RigNode::scheduleAutosave() {
 /// The loop only puts the file together; a disk that is slow to write it must not hold up the simulation.
 void RigNode::autosave(const Snapshot& snapshot) {
   if (options_.checkpoint_every_s == 0.0) return;
-  if (saving_.valid() && saving_.wait_for(std::chrono::seconds(0)) == std::future_status::ready) {
-    const std::string failure = saving_.get();
-    if (!failure.empty()) {
-      ROS_ERROR("%s; the rig goes on without this checkpoint", failure.c_str());
-      failed_ = true;
-    }
-  }
+  if (saving_.valid() && saving_.wait_for(std::chrono::seconds(0)) == std::future_status::ready) finishAutosave();
   if (snapshot.time_s < autosave_due_s_ - 0.5 * simulation_->samplePeriod() || saving_.valid()) return;
   scheduleAutosave();
   try {
-    saving_ = std::async(std::launch::async,
-                         [this, file = makeCheckpoint(options_.checkpoint_dir + "/" +
-                                                      options_.checkpoint_file)]() mutable -> std::string {
-                           const std::lock_guard<std::mutex> lock(commit_mutex_);
-                           try {
-                             file.commit();
-                           } catch (const OutputError& error) {
-                             return error.what();
-                           }
-                           return "";
-                         });
-  } catch (const OutputError& error) {
-    ROS_ERROR("%s; the rig goes on without this checkpoint", error.what());
-    failed_ = true;
+    CheckpointWriter file = makeCheckpoint(options_.checkpoint_dir + "/" + options_.checkpoint_file);
+    saving_ = std::async(std::launch::async, [this, file = std::move(file)]() mutable {
+      const std::lock_guard<std::mutex> lock(commit_mutex_);
+      file.commit();
+    });
+  } catch (const std::exception& error) {
+    reportAutosave(error);
   }
+}
+
+void RigNode::finishAutosave() {
+  if (!saving_.valid()) return;
+  try {
+    saving_.get();
+  } catch (const std::exception& error) {
+    reportAutosave(error);
+  }
+}
+
+void RigNode::reportAutosave(const std::exception& error) {
+  ROS_ERROR("%s; the rig goes on without this checkpoint", error.what());
+  failed_ = true;
 }
 
 RigNode::Answer RigNode::step(double duration_s) {

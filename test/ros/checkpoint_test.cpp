@@ -66,10 +66,12 @@ class NodeCheckpoint : public testing::Test {
     ASSERT_TRUE(ros::service::waitForService(name_ + "/load_checkpoint", 15000)) << readFile(setup.log_file);
   }
 
-  void end(int signal) {
+  /// @return how the node ended
+  std::string end(int signal) {
     node_->sendSignal(signal);
-    ASSERT_TRUE(node_->wait(std::chrono::seconds(20)).has_value());
+    const auto ended = node_->wait(std::chrono::seconds(20));
     node_.reset();
+    return ended ? ended->text() : "it runs on";
   }
 
   void step(double duration_s) const {
@@ -106,7 +108,7 @@ TEST_F(NodeCheckpoint, AfterKillMinus9ReadingsAreThoseOfTheUninterruptedRun) {
   step(5.05);
   ASSERT_TRUE(waitFor([&] { return wrench.messages.size() == 505; })) << wrench.messages.size();
   const auto whole = wrench.messages;
-  end(SIGINT);
+  EXPECT_EQ(end(SIGINT), "exit code 0");
 
   start("killed");
   step(2.505);  // not a whole number of samples
@@ -202,6 +204,16 @@ TEST_F(NodeCheckpoint, TimeGoesOnOverALoadAndTheTestGoesBack) {
   // Another rig.
   start("run", {"_settings:=ice.cohesion_pa=999"});
   EXPECT_NE(refusal("load_checkpoint", "").find("is of another scenario: ice.cohesion_pa = "), std::string::npos);
+}
+
+TEST_F(NodeCheckpoint, AutosaveThatFailsSaysSoAndTheRigGoesOn) {
+  std::ofstream(checkpoints()) << "in the way of the directory";
+  start("run", {"_checkpoint_every_s:=0.5"});
+  step(1.2);
+  EXPECT_NE(refusal("save_checkpoint", "").find(checkpoints().string() + ": "), std::string::npos);
+  step(0.2);
+  EXPECT_EQ(end(SIGINT), "exit code 1");
+  EXPECT_NE(readFile(scratch_ / "log.txt").find("the rig goes on without this checkpoint"), std::string::npos);
 }
 
 TEST_F(NodeCheckpoint, WithoutADirectoryNothingIsWrittenOrRead) {

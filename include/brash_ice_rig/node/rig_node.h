@@ -5,6 +5,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
+#include <exception>
 #include <functional>
 #include <future>
 #include <map>
@@ -86,6 +87,8 @@ class RigNode {
   CheckpointWriter makeCheckpoint(const std::string& path);
   void autosave(const Snapshot& snapshot);
   void scheduleAutosave();
+  void finishAutosave();
+  void reportAutosave(const std::exception& error);
   /// @param resumed  where the simulation was loaded from
   void startRun(CheckpointReader* resumed = nullptr);
   void finishRun(bool interrupted);
@@ -137,8 +140,8 @@ class RigNode {
   double compute_s_ = 0.0;  ///< wall time in the simulation since the run's start
   std::future<void> plot_;
 
-  std::mutex commit_mutex_;          ///< one checkpoint is written at a time
-  std::future<std::string> saving_;  ///< the autosave on its way to the disk; gives why it failed
+  std::mutex commit_mutex_;   ///< one checkpoint is written at a time
+  std::future<void> saving_;  ///< the autosave on its way to the disk
   double autosave_due_s_ = 0.0;
 
   StatusFlags raised_;                        ///< since the last status message

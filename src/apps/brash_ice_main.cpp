@@ -25,6 +25,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "brash_ice_rig/config/number_check.h"
 #include "brash_ice_rig/config/scenario_reader.h"
 #include "brash_ice_rig/identify/identification.h"
 #include "brash_ice_rig/identify/record.h"
@@ -117,17 +118,41 @@ void handleStopSignals() {
   std::signal(SIGTERM, requestStop);
 }
 
-/// @param watch_stdin  stop when it is closed
-int run(const ScenarioSources& sources, const std::string& directory, bool watch_stdin) {
-  const Scenario scenario = loadScenario(sources);
+struct RunOptions {
+  ScenarioSources sources;
+  std::string resumed;              ///< a checkpoint to go on from; empty: from the start of the scenario
+  std::optional<int> threads;       ///< instead of those of the checkpoint
+  std::string directory;            ///< for the results
+  double checkpoint_every_s = 0.0;  ///< simulated time; 0: never
+  bool stop_with_stdin = false;     ///< stop when it is closed
+};
+
+int run(const RunOptions& options) {
+  std::optional<CheckpointReader> resumed;
+  if (!options.resumed.empty()) resumed.emplace(options.resumed);
+  const Scenario scenario = resumed ? resumed->scenario() : loadScenario(options.sources);
   if (scenario.procedure.control == ControlMode::kManual) {
-    throw ConfigError("procedure.control", "manual", "has no end; `brash_ice run` needs scripted", sources.file);
+    throw ConfigError("procedure.control", "manual", "has no end; `brash_ice run` needs scripted",
+                      resumed ? options.resumed : options.sources.file);
   }
-  Simulation simulation(scenario);
-  RunFiles files(simulation, directory);
+  Simulation simulation = resumed ? Simulation::load(*resumed, options.threads) : Simulation(scenario);
+  RunFiles files(simulation, options.directory, resumed ? &*resumed : nullptr);
   handleStopSignals();
   Progress progress(scenario);
   double compute_s = 0.0;
+  const auto saveCheckpoint = [&] {
+    CheckpointWriter file(files.checkpointPath(), simulation.scenario());
+    simulation.save(file);
+    files.save(file, compute_s);
+    file.commit();
+  };
+  const double half_sample_s = 0.5 * simulation.samplePeriod();
+  const auto nextCheckpoint = [&] {
+    return nextMultiple(options.checkpoint_every_s, simulation.snapshot().time_s + half_sample_s);
+  };
+  const bool saves = options.checkpoint_every_s > 0.0;
+  double checkpoint_due_s = saves ? nextCheckpoint() : 0.0;
+  const bool watch_stdin = options.stop_with_stdin;
   while (!simulation.finished() && stop_requested == 0 && !(watch_stdin && stdinIsClosed())) {
     const auto before = WallClock::now();
     const StepReport report = simulation.advance(simulation.samplePeriod());
@@ -135,9 +160,14 @@ int run(const ScenarioSources& sources, const std::string& directory, bool watch
     const Snapshot snapshot = simulation.snapshot();
     files.write(simulation, snapshot, report.flags);
     progress.show(snapshot);
+    if (saves && !simulation.frozen() && snapshot.time_s > checkpoint_due_s - half_sample_s) {
+      saveCheckpoint();
+      checkpoint_due_s = nextCheckpoint();
+    }
   }
   progress.end();
   const bool interrupted = !simulation.finished();
+  if (saves && interrupted) saveCheckpoint();
   files.finish(simulation, compute_s, interrupted);
   return interrupted || simulation.frozen() ? kExitRunFailed : kExitDone;
 }
@@ -194,6 +224,12 @@ Record readRecordOrBag(const std::string& file) {
 /// @return whether it can be used
 /// @throws ConfigError
 bool checkFile(const std::string& file) {
+  if (isCheckpoint(file)) {
+    const Simulation simulation = Simulation::load(file);
+    std::printf("%s: ok, a checkpoint at %.2f s of \"%s\"\n", file.c_str(), simulation.snapshot().time_s,
+                simulation.scenario().title.c_str());
+    return true;
+  }
   if (isBag(file) || isRecord(file)) {
     const Record record = readRecordOrBag(file);
     const RecordReport report = checkRecord(record);
@@ -244,23 +280,41 @@ int runProgram(int argc, char** argv) {
       "Print the version and exit");
   app.footer("Exit codes: 0 done, 1 run failed or interrupted, 2 bad input.");
 
-  ScenarioSources sources;
-  std::string directory, threads, vtk_interval_s;
+  RunOptions run_options;
+  ScenarioSources& sources = run_options.sources;
+  std::string& directory = run_options.directory;
+  std::string threads, vtk_interval_s, checkpoint_every_s;
   CLI::App* run_command = app.add_subcommand("run", "Run a scenario; leave force.csv, scenario.yaml and summary.json");
-  run_command->add_option("scenario", sources.file, "Scenario YAML")->required()->type_name("SCENARIO");
-  run_command->add_option("--set", sources.settings, "Change one key; may be given many times")
-      ->allow_extra_args(false)  // one value per --set, so that SCENARIO may follow
-      ->type_name("SECTION.KEY=VALUE");
-  run_command->add_option("--overlay", sources.overlays, "YAML with changed keys; may be given many times")
-      ->allow_extra_args(false)
-      ->type_name("FILE");
+  CLI::Option* scenario_option =
+      run_command->add_option("scenario", sources.file, "Scenario YAML")->type_name("SCENARIO");
+  CLI::Option* set_option =
+      run_command->add_option("--set", sources.settings, "Change one key; may be given many times")
+          ->allow_extra_args(false)  // one value per --set, so that SCENARIO may follow
+          ->type_name("SECTION.KEY=VALUE");
+  CLI::Option* overlay_option =
+      run_command->add_option("--overlay", sources.overlays, "YAML with changed keys; may be given many times")
+          ->allow_extra_args(false)
+          ->type_name("FILE");
   run_command->add_option("--out", directory, "Directory for the results (default: name of the scenario + _run)")
       ->type_name("DIR");
   run_command->add_option("--threads", threads, "The same as --set solver.threads=N")->type_name("N");
-  run_command->add_option("--vtk", vtk_interval_s, "The same as --set output.vtk_interval_s=SECONDS")
+  CLI::Option* vtk_option =
+      run_command->add_option("--vtk", vtk_interval_s, "The same as --set output.vtk_interval_s=SECONDS")
+          ->type_name("SECONDS");
+  run_command
+      ->add_option("--checkpoint-every", checkpoint_every_s,
+                   "Save all that a later --resume needs as checkpoint.bin, each time that so much simulated time has "
+                   "passed and when the run is interrupted")
       ->type_name("SECONDS");
-  bool watch_stdin = false;
-  run_command->add_flag("--stop-when-stdin-closes", watch_stdin,
+  run_command
+      ->add_option("--resume", run_options.resumed,
+                   "Go on from a checkpoint as if the run had never stopped (default of --out: where it lies)")
+      ->excludes(scenario_option)
+      ->excludes(set_option)
+      ->excludes(overlay_option)
+      ->excludes(vtk_option)
+      ->type_name("CHECKPOINT");
+  run_command->add_flag("--stop-when-stdin-closes", run_options.stop_with_stdin,
                         "Stop when standard input, a pipe, is closed: whoever started the run has ended");
 
   StudyOptions study_options;
@@ -314,10 +368,11 @@ int runProgram(int argc, char** argv) {
   identify_command->add_flag("!--no-report", identify_options.report, "Leave out report.html");
 
   std::vector<std::string> files;
-  CLI::App* check_command =
-      app.add_subcommand("check", "Validate scenarios, overlays, studies and measured records without running them");
+  CLI::App* check_command = app.add_subcommand(
+      "check", "Validate scenarios, overlays, studies, records and checkpoints without running them");
   check_command
-      ->add_option("files", files, "Scenario, overlay or study YAML; record: its CSV, manifest, directory or bag")
+      ->add_option("files", files,
+                   "Scenario, overlay or study YAML; record: its CSV, manifest, directory or bag; checkpoint")
       ->required()
       ->type_name("FILE");
 
@@ -340,10 +395,25 @@ int runProgram(int argc, char** argv) {
     return identify(identify_options, records, holdout);
   }
 
+  if (sources.file.empty() == run_options.resumed.empty()) {
+    std::fprintf(stderr, "run: SCENARIO or --resume CHECKPOINT is required\n");
+    return kExitBadInput;
+  }
   if (!threads.empty()) sources.settings.push_back("solver.threads=" + threads);
+  if (!checkpoint_every_s.empty()) {
+    constexpr const char* kOption = "--checkpoint-every";
+    run_options.checkpoint_every_s = numberFromText(kOption, checkpoint_every_s, "");
+    checkRange(kOption, run_options.checkpoint_every_s, checkpoint_every_s, {0.01, 86400.0}, "");
+  }
   if (!vtk_interval_s.empty()) sources.settings.push_back("output.vtk_interval_s=" + vtk_interval_s);
+  if (!run_options.resumed.empty()) {
+    // The same check as of the key.
+    if (!threads.empty()) run_options.threads = loadScenario({"", {}, sources.settings}).solver.threads;
+    if (directory.empty()) directory = std::filesystem::path(run_options.resumed).parent_path().string();
+    if (directory.empty()) directory = ".";
+  }
   if (directory.empty()) directory = nameOf(sources.file) + "_run";
-  return run(sources, directory, watch_stdin);
+  return run(run_options);
 }
 
 /// A file that is opened while a standard stream is closed takes its place, and progress lines end up in force.csv.

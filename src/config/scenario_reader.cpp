@@ -257,9 +257,11 @@ void flatten(const YAML::Node& map, const std::string& prefix, const std::string
   }
 }
 
+constexpr const char* kContent = "sections, such as `field:` with indented `spacing_m: 0.3`";
+
 std::vector<Entry> readFile(const std::string& path) {
   std::vector<Entry> entries;
-  flatten(readYamlMap(path, "sections, such as `field:` with indented `spacing_m: 0.3`"), "", path, entries);
+  flatten(readYamlMap(path, kContent), "", path, entries);
   return entries;
 }
 
@@ -288,6 +290,12 @@ class Composer {
     for (const Entry& entry : readFile(path)) apply(entry);
   }
 
+  void applyText(const std::string& yaml, const std::string& where) {
+    std::vector<Entry> entries;
+    flatten(parseYamlMap(yaml, where, kContent), "", where, entries);
+    for (const Entry& entry : entries) apply(entry);
+  }
+
   void applyOverlay(const std::string& path) {
     ++layer_;
     for (const Entry& entry : readFile(path)) {
@@ -305,6 +313,8 @@ class Composer {
     ++layer_;
     for (const std::string& setting : settings) apply(parseSetting(setting));
   }
+
+  const Scenario& unchecked() const { return scenario_; }
 
   /// @param file  the scenario file, named where a rule is broken by defaults
   Scenario finish(const std::string& file) const {
@@ -393,6 +403,12 @@ Scenario loadScenario(const ScenarioSources& sources) {
   for (const std::string& overlay : sources.overlays) composer.applyOverlay(overlay);
   composer.applySettings(sources.settings);
   return composer.finish(sources.file);
+}
+
+Scenario parseScenario(const std::string& yaml, const std::string& where) {
+  Composer composer;
+  composer.applyText(yaml, where);
+  return composer.unchecked();
 }
 
 std::vector<std::pair<std::string, std::string>> keyValues(const Scenario& scenario) {

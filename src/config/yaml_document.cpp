@@ -52,7 +52,10 @@ YAML::Node readYamlMap(const std::string& path, const std::string& content) {
     throw ConfigError(
         "", "", "is larger than " + std::to_string(kMaxYamlBytes >> 20) + " MB, which no YAML file of ours is", path);
   }
+  return parseYamlMap(text, path, content);
+}
 
+YAML::Node parseYamlMap(const std::string& text, const std::string& where, const std::string& content) {
   YAML::Node root;
   bool has_root = false;
   bool has_more = false;
@@ -65,11 +68,11 @@ YAML::Node readYamlMap(const std::string& path, const std::string& content) {
     has_more = has_root && parser.HandleNextDocument(ignore);
     root = YAML::Load(text);
   } catch (const YAML::Exception& error) {
-    throw ConfigError("", "", "not valid YAML: " + error.msg, path + ":" + std::to_string(error.mark.line + 1));
+    throw ConfigError("", "", "not valid YAML: " + error.msg, where + ":" + std::to_string(error.mark.line + 1));
   }
-  if (!has_root) throw ConfigError("", "", "file is empty", path);
-  if (!root.IsMap()) throw ConfigError("", "", "must be a map of " + content, path);
-  if (has_more) throw ConfigError("", "", "must hold a single YAML document", path);
+  if (!has_root) throw ConfigError("", "", "file is empty", where);
+  if (!root.IsMap()) throw ConfigError("", "", "must be a map of " + content, where);
+  if (has_more) throw ConfigError("", "", "must hold a single YAML document", where);
   return root;
 }
 

@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <set>
 #include <sstream>
@@ -123,6 +124,11 @@ class ParameterReader {
 
 }  // namespace
 
+bool isPlainFileName(const std::string& name) {
+  const auto printable = [](char c) { return static_cast<unsigned char>(c) >= 0x20 && c != 0x7f && c != '/'; };
+  return !name.empty() && name.size() <= 200 && name.front() != '.' && std::all_of(name.begin(), name.end(), printable);
+}
+
 NodeOptions readNodeOptions(const ros::NodeHandle& private_node) {
   NodeOptions options;
   ParameterReader reader(private_node);
@@ -142,12 +148,22 @@ NodeOptions readNodeOptions(const ros::NodeHandle& private_node) {
   reader.read("state_rate_hz", options.state_rate_hz, 0.1, 1000.0);
   reader.read("joints_rate_hz", options.joints_rate_hz, 0.1, 1000.0);
   reader.read("status_rate_hz", options.status_rate_hz, 0.1, 100.0);
+  reader.read("checkpoint_dir", options.checkpoint_dir);
+  reader.read("checkpoint_file", options.checkpoint_file);
+  reader.read("checkpoint_every_s", options.checkpoint_every_s, 0.1, 86400.0, true);
   std::string working_dir;
   reader.read("working_dir", working_dir);
   reader.refuseUnknown();
 
   if (!options.frame_prefix.empty() && options.frame_prefix.front() == '/') {
     reader.refuse("frame_prefix", options.frame_prefix, "must not begin with a slash");
+  }
+  if (!isPlainFileName(options.checkpoint_file)) {
+    reader.refuse("checkpoint_file", options.checkpoint_file,
+                  "must be the plain name of a file: no slash, no dot at the beginning");
+  }
+  if (options.checkpoint_every_s > 0.0 && options.checkpoint_dir.empty()) {
+    reader.refuse("checkpoint_every_s", options.checkpoint_every_s, "needs ~checkpoint_dir");
   }
   if (!working_dir.empty() && chdir(working_dir.c_str()) != 0) {
     reader.refuse("working_dir", working_dir, "must be a directory that exists");

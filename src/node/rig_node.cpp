@@ -26,6 +26,7 @@ constexpr double kIdleCreepS = 1.0e-6;  // see publishIdleFrame()
 constexpr double kLongestStepS = 3600.0;
 constexpr double kCommandLogIntervalS = 2.0;
 constexpr std::chrono::seconds kOverloadLogInterval{30};
+constexpr char kNodeSection[] = "node";              // of a checkpoint
 constexpr std::chrono::seconds kCommanderMemory{1};  // wall time for which a sender of commands counts as active
 
 bool isFinite(const geometry_msgs::Vector3& vector) {
@@ -116,6 +117,10 @@ RigNode::RigNode(const NodeOptions& options, const ros::NodeHandle& node, const 
         return true;
       })));
 
+  advertiseCheckpoint(services::kSaveCheckpoint, [this](const std::string& path) { return saveCheckpoint(path); });
+  advertiseCheckpoint(services::kLoadCheckpoint,
+                      [this](const std::string& path) { return ask([this, path] { return loadCheckpoint(path); }); });
+
   addDiagnostics();
   if (options_.publish_clock) warnAboutForeignClock();
   bool use_sim_time = false;
@@ -140,6 +145,51 @@ void RigNode::advertiseTrigger(ros::NodeHandle& node, const char* name, std::fun
                   response.message = answer.message;
                   return true;
                 })));
+}
+
+void RigNode::advertiseCheckpoint(const char* name, std::function<Answer(const std::string&)> work) {
+  using Service = ::brash_ice_rig::Checkpoint;
+  services_.push_back(private_node_.advertiseService<Service::Request, Service::Response>(
+      name, boost::function<bool(Service::Request&, Service::Response&)>(
+                [this, work = std::move(work)](Service::Request& request, Service::Response& response) {
+                  const Answer answer = onCheckpointFile(request.file, work);
+                  response.success = answer.success;
+                  response.message = answer.message;
+                  return true;
+                })));
+}
+
+RigNode::Answer RigNode::onCheckpointFile(const std::string& name,
+                                          const std::function<Answer(const std::string&)>& work) {
+  if (options_.checkpoint_dir.empty()) return {false, "the parameter ~checkpoint_dir does not say where"};
+  const std::string file = name.empty() ? options_.checkpoint_file : name;
+  if (!isPlainFileName(file)) {
+    return {false, "file must be the plain name of a file in " + options_.checkpoint_dir +
+                       ": no slash, no dot at the beginning, at most 200 characters"};
+  }
+  try {
+    return work(options_.checkpoint_dir + "/" + file);
+  } catch (const std::exception& error) {
+    ROS_ERROR("%s", error.what());
+    return {false, error.what()};
+  }
+}
+
+/// The simulation goes on while the file is on its way to the disk.
+RigNode::Answer RigNode::saveCheckpoint(const std::string& path) {
+  std::optional<CheckpointWriter> file;
+  double time_s = 0.0;
+  const Answer answer = ask([&]() -> Answer {
+    file.emplace(makeCheckpoint(path));
+    time_s = simulation_->snapshot().time_s;
+    return {true, ""};
+  });
+  if (!answer.success) return answer;
+  const std::lock_guard<std::mutex> lock(commit_mutex_);
+  file->commit();
+  char text[64];
+  std::snprintf(text, sizeof text, "saved time %.6g s as ", time_s);
+  return {true, text + path};
 }
 
 RigNode::Answer RigNode::ask(std::function<Answer()> work) {
@@ -210,6 +260,7 @@ int RigNode::run() {
   }
   refuseRequests();
   finishRun(scenario_.procedure.control == ControlMode::kScripted && !script_done_);
+  finishAutosave();
   if (plot_.valid()) plot_.wait();
   if (ros::ok()) {
     publishStatus(WallClock::now());
@@ -292,20 +343,40 @@ RigNode::Answer RigNode::resume() {
 }
 
 RigNode::Answer RigNode::reset() {
-  auto fresh = std::make_unique<Simulation>(scenario_);
+  return replaceWorld(std::make_unique<Simulation>(scenario_), nullptr, "back at the start");
+}
+
+RigNode::Answer RigNode::loadCheckpoint(const std::string& path) {
+  CheckpointReader file(path);
+  // Frames, rates, limits and sim/scenario are out already, and hold for this scenario.
+  const auto own = keyValues(scenario_), saved = keyValues(file.scenario());
+  for (std::size_t i = 0; i < own.size(); ++i) {
+    if (own[i] == saved[i] || own[i].first == "solver.threads") continue;
+    return {false,
+            path + ": is of another scenario: " + own[i].first + " = " + saved[i].second + ", here " + own[i].second};
+  }
+  auto world = std::make_unique<Simulation>(Simulation::load(file, scenario_.solver.threads));
+  char text[64];
+  std::snprintf(text, sizeof text, "goes on from time %.6g s", world->snapshot().time_s);
+  return replaceWorld(std::move(world), &file, text);
+}
+
+/// ROS time goes on by a sample, whatever time it is in the new world.
+RigNode::Answer RigNode::replaceWorld(std::unique_ptr<Simulation> world, CheckpointReader* resumed,
+                                      std::string message) {
   const double last_stamp_s = clock_offset_s_ + simulation_->snapshot().time_s;
   finishRun(!script_done_ && scenario_.procedure.control == ControlMode::kScripted);
   {
     const std::lock_guard<std::mutex> lock(simulation_mutex_);
-    simulation_ = std::move(fresh);
+    simulation_ = std::move(world);
   }
   clock_offset_s_ = last_stamp_s + simulation_->samplePeriod() - simulation_->snapshot().time_s;
   script_done_ = false;
   raised_ = StatusFlags();
-  std::string message = paused_ ? "back at the start, paused" : "back at the start";
+  if (paused_) message += ", paused";
   try {
-    startRun();
-  } catch (const OutputError& error) {  // the rig is back at the start all the same
+    startRun(resumed);
+  } catch (const std::exception& error) {  // the new world is there all the same
     ROS_ERROR("%s; this run is not recorded", error.what());
     failed_ = true;
     message += std::string(", not recorded: ") + error.what();
@@ -313,6 +384,52 @@ RigNode::Answer RigNode::reset() {
   pacer_.restart(WallClock::now());
   next_status_ = WallClock::now();
   return {true, message};
+}
+
+CheckpointWriter RigNode::makeCheckpoint(const std::string& path) {
+  makeDirectory(options_.checkpoint_dir);
+  CheckpointWriter file(path, scenario_);
+  simulation_->save(file);
+  if (files_) files_->save(file, compute_s_);
+  file.add(kNodeSection, [this](StateVisitor& visitor) { statistics_->visitState(visitor); });
+  return file;
+}
+
+void RigNode::scheduleAutosave() {
+  if (options_.checkpoint_every_s == 0.0) return;
+  autosave_due_s_ =
+      nextMultiple(options_.checkpoint_every_s, simulation_->snapshot().time_s + 0.5 * simulation_->samplePeriod());
+}
+
+/// The loop only puts the file together; a disk that is slow to write it must not hold up the simulation.
+void RigNode::autosave(const Snapshot& snapshot) {
+  if (options_.checkpoint_every_s == 0.0) return;
+  if (saving_.valid() && saving_.wait_for(std::chrono::seconds(0)) == std::future_status::ready) finishAutosave();
+  if (snapshot.time_s < autosave_due_s_ - 0.5 * simulation_->samplePeriod() || saving_.valid()) return;
+  scheduleAutosave();
+  try {
+    CheckpointWriter file = makeCheckpoint(options_.checkpoint_dir + "/" + options_.checkpoint_file);
+    saving_ = std::async(std::launch::async, [this, file = std::move(file)]() mutable {
+      const std::lock_guard<std::mutex> lock(commit_mutex_);
+      file.commit();
+    });
+  } catch (const std::exception& error) {
+    reportAutosave(error);
+  }
+}
+
+void RigNode::finishAutosave() {
+  if (!saving_.valid()) return;
+  try {
+    saving_.get();
+  } catch (const std::exception& error) {
+    reportAutosave(error);
+  }
+}
+
+void RigNode::reportAutosave(const std::exception& error) {
+  ROS_ERROR("%s; the rig goes on without this checkpoint", error.what());
+  failed_ = true;
 }
 
 RigNode::Answer RigNode::step(double duration_s) {
@@ -338,16 +455,20 @@ RigNode::Answer RigNode::step(double duration_s) {
   return {done == wanted && !simulation_->frozen(), text};
 }
 
-void RigNode::startRun() {
+void RigNode::startRun(CheckpointReader* resumed) {
   ++run_number_;
   compute_s_ = 0.0;
   printed_second_ = std::numeric_limits<std::int64_t>::min();
   statistics_.emplace(simulation_->samplePeriod());
+  scheduleAutosave();
+  if (resumed != nullptr && resumed->has(kNodeSection)) {
+    resumed->read(kNodeSection, [this](StateVisitor& visitor) { statistics_->visitState(visitor); });
+  }
   if (options_.output_dir.empty()) return;
   std::string directory = std::filesystem::absolute(options_.output_dir).lexically_normal().string();
   // A reset must not wipe what the run before it has left.
   if (run_number_ > 1) directory += "/run_" + std::to_string(run_number_);
-  files_.emplace(*simulation_, directory);
+  files_.emplace(*simulation_, directory, resumed);
 }
 
 void RigNode::finishRun(bool interrupted) {
@@ -391,14 +512,16 @@ void RigNode::advance(std::uint64_t steps) {
   if (snapshot.time_s > -0.5 * simulation_->samplePeriod() && snapshot.stage != Stage::kDone) {
     statistics_->add(snapshot.time_s, snapshot.force_n);
   }
-  if (!files_) return;
-  try {
-    files_->write(*simulation_, snapshot, report.flags);
-  } catch (const OutputError& error) {
-    ROS_ERROR("%s; this run is not recorded any further", error.what());
-    files_.reset();
-    failed_ = true;
+  if (files_) {
+    try {
+      files_->write(*simulation_, snapshot, report.flags);
+    } catch (const OutputError& error) {
+      ROS_ERROR("%s; this run is not recorded any further", error.what());
+      files_.reset();
+      failed_ = true;
+    }
   }
+  autosave(snapshot);
 }
 
 Stamp RigNode::stamp(double time_s) const {

@@ -88,6 +88,17 @@ double ForceStatistics::meanOfLast(std::size_t count) const {
   return sum / static_cast<double>(count);
 }
 
+void ForceStatistics::visitState(StateVisitor& visitor) {
+  static_assert(sizeof(Sample) == 2 * sizeof(double), "no padding");
+  std::vector<Sample> recent;
+  if (!visitor.loading()) recent.assign(recent_.begin(), recent_.end());
+  visitor.records("recent_n", recent);
+  if (recent.size() > std::max(peak_samples_, residual_samples_)) visitor.refuse("there are too many samples");
+  recent_.assign(recent.begin(), recent.end());
+  visitor("peak_n", peak_n_);
+  visitor("peak_time_s", peak_time_s_);
+}
+
 std::string statusText(StatusFlags flags, bool interrupted) {
   std::string text = interrupted ? "interrupted" : "";
   for (const StatusFlag flag : activeFlags(flags)) {

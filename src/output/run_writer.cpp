@@ -2,7 +2,9 @@
 
 #include <cmath>
 #include <filesystem>
+#include <fstream>
 #include <initializer_list>
+#include <iterator>
 #include <limits>
 #include <system_error>
 
@@ -71,6 +73,27 @@ std::string prepare(const std::string& directory) {
   return directory;
 }
 
+/// The rows of a table so far: read back from its file, so that they need no memory during the run.
+void visitRows(StateVisitor& visitor, OutputFile& file, const std::string& header) {
+  std::string rows;
+  if (!visitor.loading()) {
+    file.flush();
+    // Whatever else stands there, a pipe say, has no rows to read back.
+    if (!std::filesystem::is_regular_file(file.path())) throw OutputError(file.path(), "is not a file");
+    std::ifstream stream(file.path(), std::ios::binary);
+    stream.seekg(static_cast<std::streamoff>(header.size()));
+    rows.assign(std::istreambuf_iterator<char>(stream), {});
+    if (!stream) throw OutputError(file.path(), "cannot be read back for a checkpoint");
+  }
+  std::string columns = header;
+  visitor("header", columns);
+  if (columns != header) visitor.refuse(file.path() + " would have other columns");
+  visitor("rows", rows);
+  if (!visitor.loading()) return;
+  file.write(rows);
+  file.flush();
+}
+
 }  // namespace
 
 RunWriter::RunWriter(const Simulation& simulation, const std::string& directory)
@@ -82,6 +105,7 @@ RunWriter::RunWriter(const Simulation& simulation, const std::string& directory)
       sample_period_s_(simulation.samplePeriod()),
       first_step_(simulation.stepCount()),
       first_active_particle_steps_(simulation.activeParticleSteps()) {
+  energy_ = simulation.snapshot().energy;
   OutputFile scenario_file(scenarioPath(), OutputFile::Mode::kReplace);
   scenario_file.write(toYaml(simulation.scenario()));
   scenario_file.close();
@@ -94,6 +118,18 @@ RunWriter::RunWriter(const Simulation& simulation, const std::string& directory)
     energy_file_->write(energyHeader());
     energy_file_->flush();
   }
+}
+
+void RunWriter::visitState(StateVisitor& visitor) {
+  visitRows(visitor, force_file_, kHeader);
+  visitRows(visitor, plug_file_, kPlugHeader);
+  if (energy_file_) visitRows(visitor, *energy_file_, energyHeader());
+  reading_.visitState(visitor);
+  ice_.visitState(visitor);
+  flags_.visitState(visitor);
+  visitor("first_step", first_step_);
+  visitor("first_active_particle_steps", first_active_particle_steps_);
+  visitor("plug_due_s", plug_due_s_);
 }
 
 void RunWriter::write(const Snapshot& snapshot, StatusFlags raised) {

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <numeric>
 #include <utility>
 
@@ -145,11 +146,23 @@ void VtkWriter::write(double time_s, const ParticleCloud& cloud, const Collector
 
   std::string body = "<Collection>\n";
   for (std::size_t i = 0; i < times_s_.size(); ++i) {
+    if (std::isnan(times_s_[i])) continue;
     const std::string time = "<DataSet timestep=\"" + toText(times_s_[i]) + "\" part=\"";
     body += time + "0\" name=\"ice\" file=\"" + numbered("ice", i) + "\"/>\n";
     body += time + "1\" name=\"collector\" file=\"" + numbered("collector", i) + "\"/>\n";
   }
   writeWhole(collectionPath(), vtkFile("Collection", body + "</Collection>\n"));
+}
+
+void VtkWriter::visitState(StateVisitor& visitor) {
+  visitor("times_s", times_s_);
+  visitor("due_s", due_s_);
+  if (!visitor.loading()) return;
+  for (std::size_t i = 0; i < times_s_.size(); ++i) {
+    const bool there = std::filesystem::exists(directory_ + "/" + numbered("ice", i)) &&
+                       std::filesystem::exists(directory_ + "/" + numbered("collector", i));
+    if (!there) times_s_[i] = std::numeric_limits<double>::quiet_NaN();
+  }
 }
 
 void VtkWriter::writeIfDue(const Simulation& simulation, const Snapshot& snapshot) {

@@ -133,4 +133,12 @@ double Collector::buoyancy(double hub_height_m, double water_density_kgpm3) cons
   return (collector_share * config_.displaced_volume_m3 + pole_volume) * water_density_kgpm3 * kGravityMps2;
 }
 
+void Collector::visitState(StateVisitor& visitor) {
+  visitor("fold_ratio", ratio_);
+  visitor("arm_rate_radps", arm_rate_);
+  visitor("locked", locked_);
+  visitor("jammed", jammed_);
+  if (visitor.loading()) updateGeometry();
+}
+
 }  // namespace brash_ice_rig

@@ -127,4 +127,39 @@ RigContact::Forces RigContact::resolve(double time_step_s, const Touch& touch, c
   return {push * touch.normal, -tangential_stiffness * spring};
 }
 
+void ContactSum::visitState(StateVisitor& visitor) {
+  visitor("normal_n", normal_n);
+  visitor("friction_n", friction_n);
+  visitor("opening_moment_nm", opening_moment_nm);
+  visitor("deepest_m", deepest_m);
+  visitor("spring_energy_j", spring_energy_j);
+  visitor("damper_loss_j", damper_loss_j);
+  visitor("friction_loss_j", friction_loss_j);
+}
+
+void RigContact::visitState(StateVisitor& visitor) {
+  visitor.records("force_n", force_);
+  visitMemory(visitor, net_memory_);
+  visitMemory(visitor, pole_memory_);
+  if (!visitor.loading()) return;
+  touched_.clear();
+  for (std::size_t i = 0; i < force_.size(); ++i) {
+    if (!force_[i].isZero(0.0f)) touched_.push_back(i);
+  }
+}
+
+/// Only those in contact remember anything, and they are few.
+void RigContact::visitMemory(StateVisitor& visitor, std::vector<Memory>& memory) {
+  std::vector<std::int8_t> side;
+  for (const Memory& of_particle : memory) side.push_back(of_particle.side);
+  visitor("side", side);
+  for (std::size_t i = 0; i < memory.size(); ++i) {
+    if (visitor.loading()) memory[i] = Memory();
+    memory[i].side = side[i];
+    if (side[i] == 0) continue;
+    visitor("spring_m", memory[i].spring_m);
+    visitor("damper_n", memory[i].damper_n);
+  }
+}
+
 }  // namespace brash_ice_rig

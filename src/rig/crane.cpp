@@ -41,4 +41,11 @@ void Crane::step(double time_step_s, const Eigen::Vector3d& wanted_mps, StatusFl
   }
 }
 
+void Crane::visitState(StateVisitor& visitor) {
+  visitor("position_m", position_);
+  visitor("velocity_mps", velocity_);
+  visitor("acceleration_mps2", acceleration_);
+  visitor("commanded_mps", commanded_);
+}
+
 }  // namespace brash_ice_rig

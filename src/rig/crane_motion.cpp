@@ -7,6 +7,7 @@
 
 #include "brash_ice_rig/config/config_error.h"
 #include "brash_ice_rig/config/csv.h"
+#include "brash_ice_rig/system/hash.h"
 
 namespace brash_ice_rig {
 
@@ -60,6 +61,13 @@ double CraneMotion::fastest() const {
     speed = std::max(speed, std::abs(way_m_[i] - way_m_[i - 1]) / (time_s_[i] - time_s_[i - 1]));
   }
   return speed;
+}
+
+std::uint64_t CraneMotion::hash() const {
+  Hash hash;
+  hash.add(time_s_.data(), time_s_.size() * sizeof(double));
+  hash.add(way_m_.data(), way_m_.size() * sizeof(double));
+  return hash.value();
 }
 
 }  // namespace brash_ice_rig

@@ -1,6 +1,9 @@
 #include "brash_ice_rig/rig/load_cell.h"
 
 #include <cmath>
+#include <locale>
+#include <sstream>
+#include <string>
 
 namespace brash_ice_rig {
 
@@ -28,6 +31,24 @@ void LoadCell::sample() {
 
 void LoadCell::tare() {
   tare_ = lagged_.array() + config_.bias_n;
+}
+
+void LoadCell::visitState(StateVisitor& visitor) {
+  // The only form in which the library hands out the state of its generators; it is exact.
+  std::stringstream stream;
+  stream.imbue(std::locale::classic());
+  stream << generator_ << ' ' << noise_;
+  std::string text = stream.str();
+  visitor("generator", text);
+  if (visitor.loading()) {
+    stream.clear();
+    stream.str(text);
+    if (!(stream >> generator_ >> noise_)) visitor.refuse("the state of the load cell's noise cannot be read");
+  }
+  visitor("started", started_);
+  visitor("lagged_n", lagged_);
+  visitor("reading_n", reading_);
+  visitor("tare_n", tare_);
 }
 
 }  // namespace brash_ice_rig

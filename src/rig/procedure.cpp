@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 namespace brash_ice_rig {
 namespace {
@@ -84,6 +85,22 @@ Procedure::Order Procedure::step(double time_s, double time_step_s, const Crane&
     order.hoist_speed_mps = config_.lift_speed_mps;
   }
   return order;
+}
+
+void Procedure::visitState(StateVisitor& visitor) {
+  auto stage = static_cast<std::uint32_t>(stage_);
+  visitor("stage", stage);
+  if (stage > static_cast<std::uint32_t>(Stage::kManual)) visitor.refuse("there is no such stage of the procedure");
+  stage_ = static_cast<Stage>(stage);
+  visitor("stage_start_s", stage_start_s_);
+  visitor("fold_target", fold_target_);
+  if (!motion_) return;
+  const std::uint64_t present_motion = motion_->hash();
+  std::uint64_t motion = present_motion;
+  visitor("motion", motion);
+  if (motion != present_motion) {
+    visitor.refuse("procedure.motion_file, " + config_.motion_file + ", has changed since it was saved");
+  }
 }
 
 }  // namespace brash_ice_rig

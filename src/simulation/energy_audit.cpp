@@ -129,4 +129,23 @@ EnergyBalance EnergyAudit::balance() const {
   return balance;
 }
 
+void RigInstant::visitState(StateVisitor& visitor) {
+  visitor("position_m", position_m);
+  visitor("velocity_mps", velocity_mps);
+  visitor("support_n", support_n);
+  visitor("arm_angle_rad", arm_angle_rad);
+  visitor("mass_kg", mass_kg);
+  visitor("weight_n", weight_n);
+  visitor("buoyancy_n", buoyancy_n);
+  contact.visitState(visitor);
+}
+
+/// What was there at the start is the same again in a world that is made anew.
+void EnergyAudit::visitState(StateVisitor& visitor) {
+  static_assert(sizeof(Work) == 6 * sizeof(double), "no padding");
+  visitor.records("work_j", work_);
+  rig_.visitState(visitor);
+  for (const EnergyTerm& term : kEnergyTerms) visitor(term.name, rig_terms_.*term.value);
+}
+
 }  // namespace brash_ice_rig

@@ -3,16 +3,17 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
-#include <cstring>
 #include <mutex>
 #include <optional>
 #include <vector>
 
+#include "brash_ice_rig/config/config_error.h"
 #include "brash_ice_rig/effects/effect.h"
 #include "brash_ice_rig/ice/ice_field.h"
 #include "brash_ice_rig/ice/ice_scaling.h"
 #include "brash_ice_rig/material/cap_model.h"
 #include "brash_ice_rig/material/scaled_strength.h"
+#include "brash_ice_rig/output/output_file.h"
 #include "brash_ice_rig/rig/collector.h"
 #include "brash_ice_rig/rig/contact.h"
 #include "brash_ice_rig/rig/crane.h"
@@ -21,6 +22,7 @@
 #include "brash_ice_rig/simulation/energy_audit.h"
 #include "brash_ice_rig/simulation/plug.h"
 #include "brash_ice_rig/sph/sph_body.h"
+#include "brash_ice_rig/system/hash.h"
 #include "brash_ice_rig/water/water.h"
 
 namespace brash_ice_rig {
@@ -100,41 +102,25 @@ const Scenario& validated(const Scenario& scenario) {
   return scenario;
 }
 
-/// FNV-1a over 64-bit words.
-class Hash {
- public:
-  template <class T>
-  void add(const T* data, std::size_t count) {
-    const auto* bytes = reinterpret_cast<const unsigned char*>(data);
-    for (std::size_t rest = count * sizeof(T); rest > 0;) {
-      std::uint64_t word = 0;
-      const std::size_t taken = std::min(rest, sizeof(word));
-      std::memcpy(&word, bytes, taken);
-      value_ = (value_ ^ word) * 1099511628211ull;
-      bytes += taken;
-      rest -= taken;
-    }
-  }
-  template <class T>
-  void add(const std::vector<T>& values) {
-    add(values.data(), values.size());
-  }
-  std::uint64_t value() const { return value_; }
-
- private:
-  std::uint64_t value_ = 14695981039346656037ull;
-};
-
 class StateHasher : public StateVisitor {
  public:
-  explicit StateHasher(Hash& hash) : hash_(hash) {}
-  void operator()(const char*, double& value) override { hash_.add(&value, 1); }
-  void operator()(const char*, std::vector<double>& values) override { hash_.add(values); }
-  void operator()(const char*, std::vector<float>& values) override { hash_.add(values); }
+  std::uint64_t value() const { return hash_.value(); }
+
+ protected:
+  std::size_t begin(const char*, std::size_t count, std::size_t, Length) override {
+    const auto length = static_cast<std::uint64_t>(count);
+    hash_.add(&length, sizeof length);
+    return count;
+  }
+  void bytes(void* data, std::size_t count) override { hash_.add(data, count); }
 
  private:
-  Hash& hash_;
+  Hash hash_;
 };
+
+// Sections of a checkpoint.
+constexpr char kWorldSection[] = "world";
+constexpr char kBooksSection[] = "books";
 
 }  // namespace
 
@@ -142,6 +128,9 @@ struct Simulation::Impl {
   explicit Impl(const Scenario& s);
   SphBody makeIce();
 
+  void visitState(StateVisitor& visitor);
+  void visitBooks(StateVisitor& visitor);
+  std::uint64_t stateHash();
   void moveRig();
   void takeCommands();
   void updateForces();
@@ -630,27 +619,86 @@ PlugSummary Simulation::plug() const {
   return plug;
 }
 
+/// All that decides the future.
+void Simulation::Impl::visitState(StateVisitor& visitor) {
+  visitor("step_count", step_count);
+  ice.visitState(visitor);
+  changes.visitState(visitor);
+  for (const auto& effect : effects) effect->visitState(visitor);
+  suspension.visitState(visitor);
+  loads.visitState(visitor);
+  collector.visitState(visitor);
+  crane.visitState(visitor);
+  contact.visitState(visitor);
+  contact_sum.visitState(visitor);
+  load_cell.visitState(visitor);
+  procedure.visitState(visitor);
+  visitor("support_n", support);
+  visitor("fold_target", fold_target);
+  visitor("velocity_command_mps", velocity_command);
+  visitor("command_step", command_step);
+  const std::lock_guard<std::mutex> lock(mailbox_mutex);
+  visitor("mailbox_velocity_mps", mailbox_velocity);
+  visitor("mailbox_fold", mailbox_fold);
+  visitor("mailbox_tare", mailbox_tare);
+}
+
+/// What is only counted and shown. It depends on how a run was cut into advances, or whether the audit watches.
+void Simulation::Impl::visitBooks(StateVisitor& visitor) {
+  visitor("active_particle_steps", active_particle_steps);
+  flags.visitState(visitor);
+  if (audit) audit->visitState(visitor);
+  const std::uint64_t present_hash = stateHash();
+  std::uint64_t hash = present_hash;
+  visitor("state_hash", hash);
+  if (hash != present_hash) visitor.refuse("the world came out otherwise than it was saved");
+}
+
+std::uint64_t Simulation::Impl::stateHash() {
+  StateHasher hasher;
+  visitState(hasher);
+  return hasher.value();
+}
+
 std::uint64_t Simulation::stateHash() const {
-  const Impl& world = *impl_;
-  Hash hash;
-  hash.add(&world.step_count, 1);
-  hash.add(world.ice.position());
-  hash.add(world.ice.velocity().data(), world.ice.size());
-  for (const auto& component : world.ice.stress()) hash.add(component);
-  for (const auto& values : world.ice.state()) hash.add(values);
-  hash.add(world.ice.volume());
-  hash.add(world.crane.position().data(), 3);
-  hash.add(world.crane.velocity().data(), 3);
-  const double rig[] = {world.collector.foldRatio(), world.fold_target};
-  hash.add(rig, 2);
-  hash.add(world.contact_sum.normal_n.data(), 3);
-  hash.add(world.contact_sum.friction_n.data(), 3);
-  hash.add(world.load_cell.reading().data(), 3);
-  hash.add(world.changes.solid_ratio);
-  hash.add(world.changes.held_water_kg);
-  StateHasher hasher(hash);
-  for (const auto& effect : world.effects) effect->visitState(hasher);
-  return hash.value();
+  return impl_->stateHash();
+}
+
+void Simulation::save(CheckpointWriter& file) const {
+  if (impl_->frozen) throw OutputError(file.path(), "not written: the world is frozen by a non-finite state");
+  file.add(kWorldSection, [this](StateVisitor& visitor) { impl_->visitState(visitor); });
+  file.add(kBooksSection, [this](StateVisitor& visitor) { impl_->visitBooks(visitor); });
+}
+
+Simulation Simulation::load(CheckpointReader& file, std::optional<int> threads) {
+  // Its particles must be there before the scenario's word is taken for their number.
+  const double smallest =
+      brash_ice_rig::particleCount(file.scenario().field) * static_cast<double>(sizeof(Eigen::Vector3d));
+  if (static_cast<double>(file.size(kWorldSection)) < smallest) {
+    file.refuse("holds fewer particles than its scenario has");
+  }
+  Scenario scenario = file.scenario();
+  if (threads) scenario.solver.threads = *threads;
+  try {
+    scenario.validate();
+  } catch (const ConfigError& error) {
+    file.refuse(std::string("its scenario: ") + error.what());
+  }
+  Simulation simulation(scenario);
+  file.read(kWorldSection, [&](StateVisitor& visitor) { simulation.impl_->visitState(visitor); });
+  file.read(kBooksSection, [&](StateVisitor& visitor) { simulation.impl_->visitBooks(visitor); });
+  return simulation;
+}
+
+void Simulation::save(const std::string& path) const {
+  CheckpointWriter file(path, scenario());
+  save(file);
+  file.commit();
+}
+
+Simulation Simulation::load(const std::string& path) {
+  CheckpointReader file(path);
+  return load(file);
 }
 
 }  // namespace brash_ice_rig

@@ -203,4 +203,37 @@ ActiveSet::Share ActiveSet::share(std::size_t index, std::size_t count) const {
   return {bound(index), index + 1 == count ? awake_.size() : bound(index + 1)};
 }
 
+void ActiveSet::visitState(StateVisitor& visitor, const NeighbourList& neighbours) {
+  const auto takeNeighbours = [&] {
+    if (neighbours.row_begin.empty()) {
+      makeRuns();
+    } else {
+      setNeighbours(neighbours);
+    }
+  };
+  if (!settings_.enabled) {  // nothing ever changes
+    if (visitor.loading()) takeNeighbours();
+    return;
+  }
+  visitor("step", step_);
+  visitor("sampling", sampling_);
+  visitor("woken", woken_);
+  visitor("group_awake", group_awake_);
+  visitor("quiet_for", quiet_for_);
+  visitor.records("stress_sum_pa", stress_sum_);
+  visitor.records("anchor_stress_pa", anchor_stress_);
+  visitor.records("anchor_position_m", anchor_position_);
+  visitor("pushed", pushed_);
+  // The runs lag behind what wake() has woken.
+  std::vector<char> in_runs(group_awake_.size(), 0);
+  for (const Run& run : awake_) {
+    for (std::size_t i = run.begin; i < run.end; i += kGroup) in_runs[i / kGroup] = 1;
+  }
+  visitor("in_runs", in_runs);
+  if (!visitor.loading()) return;
+  group_awake_.swap(in_runs);
+  takeNeighbours();
+  group_awake_.swap(in_runs);
+}
+
 }  // namespace brash_ice_rig

@@ -7,6 +7,7 @@
 #include <omp.h>
 
 #include "brash_ice_rig/sph/kernel.h"
+#include "brash_ice_rig/system/hash.h"
 
 namespace brash_ice_rig {
 
@@ -174,6 +175,10 @@ void SphBody::takeCandidates() {
   active_.setNeighbours(candidates_);
   searched_position_ = reference_;
   longest_at_search_ = longest_;
+  findLongestRow();
+}
+
+void SphBody::findLongestRow() {
   longest_row_ = 0;
   for (std::size_t i = 0; i < size(); ++i) {
     longest_row_ = std::max(longest_row_, candidates_.row_begin[i + 1] - candidates_.row_begin[i]);
@@ -325,6 +330,96 @@ void SphBody::updateActiveSet() {
     velocity_[i].setZero();
     viscosity_[i].setZero();
   }
+}
+
+void SphBody::visitState(StateVisitor& visitor) {
+  visitor.records("position_m", position_);
+  visitor.records("velocity_mps", velocity_);
+  visitor("stress_pa", stress_);
+  for (auto& values : state_) visitor("state", values);
+  visitor("volume_m3", volume_);
+  visitor("inertia_ratio", inertia_ratio_);
+  visitor.records("viscosity_npm3", viscosity_);
+  visitor.records("corrected_stress_pa", corrected_stress_);  // those that sleep keep theirs
+  visitor.records("reference_m", reference_);
+  visitor("cached_volume_m3", cached_volume_);
+  visitor("smoothing_length_m", smoothing_length_);
+  visitor.records("searched_position_m", searched_position_);
+  visitor("longest_m", longest_);
+  visitor("longest_at_search_m", longest_at_search_);
+  visitor("unchecked_way_m", unchecked_way_);
+  visitor("awake_axis_m", awake_axis_);
+  visitor("awake_radius_m", awake_radius_);
+  bool searched = !candidates_.row_begin.empty();
+  visitor("searched", searched);
+  if (visitor.loading()) {
+    checkLoaded(visitor);
+    if (searched) rebuildRows();
+  }
+  const std::uint64_t present_rows = hashOfRows();
+  std::uint64_t rows = present_rows;
+  visitor("rows", rows);
+  if (rows != present_rows) visitor.refuse("this program computes other gradients than the one that wrote it");
+  // The rows follow from the references; these sums do not, because their order is that of the candidates in the
+  // search before which a row was computed.
+  visitor("correction", correction_);
+  visitor.records("gradient_sum_pm", gradient_sum_);
+  active_.visitState(visitor, candidates_);
+}
+
+void SphBody::checkLoaded(const StateVisitor& visitor) const {
+  // Longer than any that can be; a search in between may use a longest one that is out of date.
+  const double longest = settings_.smoothing_length_m * (settings_.variable_smoothing_length ? 2.0 : 1.0);
+  const auto isLength = [&](double length) { return length > 0.0 && length <= longest; };
+  if (!isLength(longest_) || !(longest_at_search_ >= 0.0 && longest_at_search_ <= longest)) {
+    visitor.refuse("a smoothing length is out of range");
+  }
+  const double cell_size = 2.0 * longest + settings_.skin_m;
+  std::vector<std::array<std::int64_t, 3>> cells;
+  cells.reserve(size());
+  for (std::size_t i = 0; i < size(); ++i) {
+    if (!position_[i].allFinite() || !reference_[i].allFinite() || !searched_position_[i].allFinite() ||
+        !velocity_[i].allFinite()) {
+      visitor.refuse("a position or velocity is not finite");
+    }
+    if (!(volume_[i] > 0.0f && cached_volume_[i] > 0.0f) || !isLength(smoothing_length_[i])) {
+      visitor.refuse("a volume or smoothing length is out of range");
+    }
+    std::array<std::int64_t, 3> cell{};
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const double along = std::floor(searched_position_[i][static_cast<Eigen::Index>(axis)] / cell_size);
+      cell[axis] = static_cast<std::int64_t>(std::clamp(along, -1.0e15, 1.0e15));
+    }
+    cells.push_back(cell);
+  }
+  // Memory for neighbours is planned for ice as dense as its lattice. Volumes keep it from becoming many times denser.
+  constexpr double kDensest = 8.0;
+  const double sites = std::ceil(cell_size / std::cbrt(settings_.particle_volume_m3));
+  const auto most = static_cast<std::size_t>(kDensest * sites * sites * sites);
+  std::sort(cells.begin(), cells.end());
+  for (std::size_t i = most; i < cells.size(); ++i) {
+    if (cells[i] == cells[i - most]) visitor.refuse("particles lie denser than ice can be");
+  }
+}
+
+std::uint64_t SphBody::hashOfRows() const {
+  Hash hash;
+  for (std::size_t i = 0; i < size(); ++i) {
+    const auto count = static_cast<std::size_t>(block_count_[i]);
+    if (count > 0) hash.add(blocks_.data() + block_begin_[i], count * sizeof(PairBlock));
+  }
+  return hash.value();
+}
+
+/// Candidates as they were found, and rows from the references.
+void SphBody::rebuildRows() {
+  search_.find(searched_position_, 2.0 * longest_at_search_ + settings_.skin_m, candidates_);
+  findLongestRow();
+  listAllRows();
+  refreshDueRows();
+  if (!row_overflows_) return;
+  makeRoomForRows();
+  refreshDueRows();
 }
 
 }  // namespace brash_ice_rig

@@ -1,5 +1,6 @@
 // Drives the program brash_ice as a user's script does.
 
+#include <fcntl.h>
 #include <signal.h>
 #include <spawn.h>
 #include <sys/wait.h>
@@ -230,6 +231,152 @@ TEST_F(ProgramTest, RunStopsWithItsStandardInputWhenAsked) {
   const std::string program = "'" BRASH_ICE_PROGRAM "' run small.yaml --out run ";
   EXPECT_EQ(status("true | " + program), "ok");
   EXPECT_EQ(status(program + "--stop-when-stdin-closes </dev/null"), "ok");
+}
+
+// ---- checkpoints
+
+class ResumeTest : public ProgramTest {
+ protected:
+  static constexpr const char* kOptions =
+      " --set load_cell.noise_n=15 --set output.energy=true --checkpoint-every 0.2 ";
+
+  /// Starts a run and kills it once it has left a checkpoint, as a power cut would.
+  void runAndKill(const std::string& out) {
+    pid_t pid = fork();
+    if (pid == 0) {
+      if (chdir(directory_.path().c_str()) != 0) _exit(127);
+      const int null = open("/dev/null", O_WRONLY);
+      dup2(null, STDOUT_FILENO);
+      dup2(null, STDERR_FILENO);
+      execl(BRASH_ICE_PROGRAM, BRASH_ICE_PROGRAM, "run", "small.yaml", "--out", out.c_str(), "--set",
+            "load_cell.noise_n=15", "--set", "output.energy=true", "--checkpoint-every", "0.05", nullptr);
+      _exit(127);
+    }
+    ASSERT_GT(pid, 0);
+    for (int k = 0; k < 6000 && !std::filesystem::exists(directory_.file(out + "/checkpoint.bin")); ++k) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(40));
+    ASSERT_EQ(kill(pid, SIGKILL), 0);
+    int status = 0;
+    ASSERT_EQ(waitpid(pid, &status, 0), pid);
+    ASSERT_TRUE(WIFSIGNALED(status)) << "it had ended already: the test proves nothing";
+  }
+
+  void expectSameFiles(const std::string& resumed, const std::string& whole) {
+    for (const char* name : {"/force.csv", "/plug.csv", "/energy.csv", "/scenario.yaml"}) {
+      EXPECT_EQ(readFile(directory_.file(resumed + name)), readFile(directory_.file(whole + name))) << name;
+    }
+    const YAML::Node a = summaryIn(resumed), b = summaryIn(whole);
+    for (const auto& entry : b) {
+      const auto key = entry.first.as<std::string>();
+      if (key == "wall_s" || key == "real_time_factor" || key == "ns_per_particle_step" || key == "threads") continue;
+      EXPECT_EQ(a[key].as<std::string>(), entry.second.as<std::string>()) << key;
+    }
+  }
+};
+
+TEST_F(ResumeTest, AfterKillMinus9TheFilesAreThoseOfTheUninterruptedRun) {
+  ASSERT_EQ(program(std::string("run small.yaml --out whole") + kOptions).exit_code, 0);
+  runAndKill("killed");
+  EXPECT_FALSE(std::filesystem::exists(directory_.file("killed/summary.json")));
+  // Where it lies, and, from the same checkpoint, elsewhere and with other threads.
+  std::filesystem::copy(directory_.file("killed/checkpoint.bin"), directory_.file("moved.bin"));
+  Outcome outcome = program("run --resume killed/checkpoint.bin");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
+  expectSameFiles("killed", "whole");
+  outcome = program("run --resume moved.bin --out elsewhere --threads 2");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
+  EXPECT_EQ(summaryIn("elsewhere")["threads"].as<int>(), 2);
+  EXPECT_EQ(readFile(directory_.file("elsewhere/force.csv")), readFile(directory_.file("whole/force.csv")));
+}
+
+TEST_F(ResumeTest, OfAnInterruptedRunLosesNothing) {
+  ASSERT_EQ(program(std::string("run small.yaml --out whole") + kOptions).exit_code, 0);
+  // `true` closes the pipe at once: stopped after the first sample.
+  runShell("cd '" + directory_.path() + "' && true | '" BRASH_ICE_PROGRAM "' run small.yaml --out run" + kOptions +
+           "--stop-when-stdin-closes");
+  EXPECT_EQ(summaryIn("run")["status"].as<std::string>(), "interrupted");
+  ASSERT_EQ(program("run --resume run/checkpoint.bin --checkpoint-every 0.2").exit_code, 0);
+  expectSameFiles("run", "whole");
+  // And of one that was done: the files stay what they are.
+  ASSERT_EQ(program("run --resume run/checkpoint.bin").exit_code, 0);
+  expectSameFiles("run", "whole");
+}
+
+TEST_F(ResumeTest, GoesOnWithTheSeriesOfPictures) {
+  ASSERT_EQ(program(std::string("run small.yaml --vtk 0.5 --out whole") + kOptions).exit_code, 0);
+  ASSERT_EQ(program("run --resume whole/checkpoint.bin --out elsewhere").exit_code, 0);
+  const std::string before = readFile(directory_.file("whole/vtk/run.pvd"));
+  ASSERT_EQ(program("run --resume whole/checkpoint.bin").exit_code, 0);
+  EXPECT_EQ(readFile(directory_.file("whole/vtk/run.pvd")), before);
+  EXPECT_FALSE(std::filesystem::exists(directory_.file("elsewhere/vtk/ice_000000.vtp")))
+      << "a picture of the end under the number of the start";
+}
+
+TEST_F(ResumeTest, BadCheckpointsAreBadInputAndNothingIsTouched) {
+  ASSERT_EQ(program(std::string("run small.yaml --out run") + kOptions).exit_code, 0);
+  const std::string good = readFile(directory_.file("run/checkpoint.bin"));
+  const std::string force = readFile(directory_.file("run/force.csv"));
+  const auto refusal = [&](const std::string& content) {
+    directory_.put("run/checkpoint.bin", content);
+    const Outcome outcome = program("run --resume run/checkpoint.bin");
+    EXPECT_EQ(outcome.exit_code, 2) << outcome.text;
+    EXPECT_EQ(readFile(directory_.file("run/force.csv")), force);
+    EXPECT_TRUE(std::filesystem::exists(directory_.file("run/summary.json")));
+    return outcome.text;
+  };
+  std::string flipped = good;
+  flipped[flipped.size() / 2] = static_cast<char>(flipped[flipped.size() / 2] ^ 4);
+  EXPECT_EQ(refusal(flipped), "run/checkpoint.bin: is damaged: its checksum is wrong\n");
+  EXPECT_EQ(program("check run/checkpoint.bin").exit_code, 2);
+  EXPECT_TRUE(contains(refusal(good.substr(0, good.size() / 2)), "run/checkpoint.bin: is damaged: it has"));
+  EXPECT_TRUE(contains(refusal("field: {}\n"), "run/checkpoint.bin: is not a checkpoint of brash_ice_rig"));
+  directory_.put("run/checkpoint.bin", good);
+  EXPECT_TRUE(contains(program("check run/checkpoint.bin").text, "run/checkpoint.bin: ok, a checkpoint at"));
+  EXPECT_EQ(program("run --resume nowhere.bin").exit_code, 2);
+}
+
+TEST_F(ResumeTest, OptionsThatCannotGoTogetherAreRefused) {
+  EXPECT_EQ(program("run").exit_code, 2);
+  EXPECT_EQ(program("run small.yaml --resume x.bin").exit_code, 2);
+  EXPECT_EQ(program("run --resume x.bin --set ice.cohesion_pa=1").exit_code, 2);
+  EXPECT_EQ(program("run --resume x.bin --overlay small.yaml").exit_code, 2);
+  EXPECT_EQ(program("run --resume x.bin --vtk 1").exit_code, 2);
+  for (const char* interval : {"0", "-1", "nan", "1e9", "often"}) {
+    const Outcome outcome = program(std::string("run small.yaml --checkpoint-every ") + interval);
+    EXPECT_EQ(outcome.exit_code, 2) << interval;
+    EXPECT_TRUE(contains(outcome.text, std::string("--checkpoint-every = ") + interval + ", must ")) << outcome.text;
+  }
+  const Outcome threads = program("run --resume x.bin --threads 0");
+  EXPECT_EQ(threads.exit_code, 2);
+  EXPECT_TRUE(contains(threads.text, "solver.threads = 0")) << threads.text;
+}
+
+// Each kill hits the program at another moment, and many hit it while it writes: it does so every 10 ms of the test.
+TEST_F(ResumeTest, KillsWhileItSavesNeverLeaveADamagedCheckpoint) {
+  int seen = 0;
+  for (int k = 0; k < 16; ++k) {
+    pid_t pid = fork();
+    if (pid == 0) {
+      if (chdir(directory_.path().c_str()) != 0) _exit(127);
+      const int null = open("/dev/null", O_WRONLY);
+      dup2(null, STDOUT_FILENO);
+      dup2(null, STDERR_FILENO);
+      execl(BRASH_ICE_PROGRAM, BRASH_ICE_PROGRAM, "run", "small.yaml", "--out", "run", "--checkpoint-every", "0.01",
+            nullptr);
+      _exit(127);
+    }
+    ASSERT_GT(pid, 0);
+    std::this_thread::sleep_for(std::chrono::milliseconds(60 + 11 * k));
+    kill(pid, SIGKILL);
+    waitpid(pid, nullptr, 0);
+    if (!std::filesystem::exists(directory_.file("run/checkpoint.bin"))) continue;
+    ++seen;
+    const Outcome outcome = program("check run/checkpoint.bin");
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
+  }
+  EXPECT_GT(seen, 5) << "too few got as far as a checkpoint";
 }
 
 }  // namespace

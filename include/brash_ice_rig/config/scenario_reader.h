@@ -21,6 +21,12 @@ struct ScenarioSources {
 ///   one), a wrong type, a value out of range, or two overlays that give one key different values
 Scenario loadScenario(const ScenarioSources& sources);
 
+/// Reads a scenario that is in memory. Each value is in its range, but validate() is left to the caller: it may look at
+/// files that the scenario names.
+/// @param where  what to call its source in messages
+/// @throws ConfigError as loadScenario() does
+Scenario parseScenario(const std::string& yaml, const std::string& where);
+
 /// The whole scenario as YAML, every key with its value; loadScenario reads it back to an equal scenario.
 std::string toYaml(const Scenario& scenario);
 

@@ -19,6 +19,10 @@ constexpr std::size_t kMaxYamlBytes = 4u << 20;
 /// @throws ConfigError if the file cannot be read, is empty or too large, is not valid YAML, or holds anything else
 YAML::Node readYamlMap(const std::string& path, const std::string& content);
 
+/// The same of a text that is in memory already.
+/// @param where  what to call its source in messages
+YAML::Node parseYamlMap(const std::string& text, const std::string& where, const std::string& content);
+
 /// A value of a YAML file with its place. What reads it throws ConfigError with file, line, key, value and rule.
 struct YamlItem {
   std::string name;   ///< key within its map

@@ -8,6 +8,7 @@
 
 #include "brash_ice_rig/config/scenario.h"
 #include "brash_ice_rig/effects/effect_registry.h"
+#include "brash_ice_rig/system/state_visitor.h"
 #include "brash_ice_rig/water/water.h"
 
 namespace brash_ice_rig {
@@ -46,6 +47,12 @@ struct IceChanges {
   std::vector<float> solid_ratio;
   /// Water that is carried in pores above the waterline, kg: weight and inertia. Kept from step to step.
   std::vector<float> held_water_kg;
+
+  void visitState(StateVisitor& visitor) {
+    visitor("strength_ratio", strength_ratio);
+    visitor("solid_ratio", solid_ratio);
+    visitor("held_water_kg", held_water_kg);
+  }
 };
 
 /// Rig and crane in the middle of a step.
@@ -77,6 +84,12 @@ struct Motion {
     acceleration_mps2 += other.acceleration_mps2;
     return *this;
   }
+
+  void visitState(StateVisitor& visitor) {
+    visitor("position_m", position_m);
+    visitor("velocity_mps", velocity_mps);
+    visitor("acceleration_mps2", acceleration_mps2);
+  }
 };
 
 /// What effects add between crane and collector; all zero before each step's first effect.
@@ -85,20 +98,22 @@ struct Suspension {
   Motion stretch;  ///< of the hub against the suspension point
   /// Tension of a link that is not rigid, N; empty: it follows from loads and inertia.
   std::optional<double> tension_n;
+
+  void visitState(StateVisitor& visitor) {
+    point.visitState(visitor);
+    stretch.visitState(visitor);
+    visitor("tension_n", tension_n);
+  }
 };
 
 struct RigLoads {
   Eigen::Vector3d force_n = Eigen::Vector3d::Zero();  ///< on collector and pole, frame map
   double added_mass_kg = 0.0;                         ///< water that has to be accelerated along
-};
 
-/// Walks the state of an effect, for hash and checkpoint.
-class StateVisitor {
- public:
-  virtual ~StateVisitor() = default;
-  virtual void operator()(const char* name, double& value) = 0;
-  virtual void operator()(const char* name, std::vector<double>& values) = 0;
-  virtual void operator()(const char* name, std::vector<float>& values) = 0;
+  void visitState(StateVisitor& visitor) {
+    visitor("load_n", force_n);
+    visitor("added_mass_kg", added_mass_kg);
+  }
 };
 
 /// A physical mechanism that the baseline lacks, acting where it acts in nature. Override the hooks that it needs.
@@ -132,7 +147,7 @@ class Effect {
   /// Changes strength and mass for the next step. Called once before the first step too.
   virtual void updateIce(const IceNow& /*ice*/, IceChanges& /*changes*/) {}
 
-  /// Visits everything that the effect remembers from step to step, always in the same order.
+  /// Visits everything that the effect remembers from step to step, always in the same order, for hash and checkpoint.
   virtual void visitState(StateVisitor& /*visitor*/) {}
 };
 

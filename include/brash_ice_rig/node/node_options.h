@@ -5,6 +5,7 @@
 #include <ros/node_handle.h>
 
 #include "brash_ice_rig/config/scenario_reader.h"
+#include "brash_ice_rig/simulation/checkpoint.h"
 
 namespace brash_ice_rig {
 
@@ -22,7 +23,14 @@ struct NodeOptions {
   double state_rate_hz = 10.0;    ///< crane/state, plug/state
   double joints_rate_hz = 50.0;   ///< joint_states, crane/cmd_vel_out
   double status_rate_hz = 5.0;    ///< sim/status, per wall s
+  std::string checkpoint_dir;     ///< the only place where checkpoints are written and read; empty: nowhere
+  std::string checkpoint_file = kCheckpointName;  ///< name there, where no other is given
+  double checkpoint_every_s = 0.0;                ///< simulated time between two savings; 0: never
 };
+
+/// Whether a text can name a file in a directory, and none elsewhere: 1 to 200 characters that can be printed, no
+/// slash, no dot at the beginning.
+bool isPlainFileName(const std::string& name);
 
 /// Reads, checks and, for ~working_dir, applies the parameters (relative paths start there).
 /// @throws ConfigError naming parameter, value and rule: wrong type, out of range, unknown name

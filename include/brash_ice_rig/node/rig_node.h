@@ -5,6 +5,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
+#include <exception>
 #include <functional>
 #include <future>
 #include <map>
@@ -20,6 +21,7 @@
 #include <std_msgs/Float64.h>
 #include <std_srvs/Trigger.h>
 
+#include "brash_ice_rig/Checkpoint.h"
 #include "brash_ice_rig/Step.h"
 #include "brash_ice_rig/node/message_conversion.h"
 #include "brash_ice_rig/node/node_options.h"
@@ -66,6 +68,10 @@ class RigNode {
   void onFoldCommand(const std_msgs::Float64& message);
   Answer ask(std::function<Answer()> work);
   Answer tare();
+  /// Runs `work` on a file that a service named, or says why the name is refused.
+  Answer onCheckpointFile(const std::string& name, const std::function<Answer(const std::string& path)>& work);
+  Answer saveCheckpoint(const std::string& path);
+  void advertiseCheckpoint(const char* name, std::function<Answer(const std::string& path)> work);
   void advertiseTrigger(ros::NodeHandle& node, const char* name, std::function<Answer()> work);
 
   // Simulation thread.
@@ -76,7 +82,15 @@ class RigNode {
   Answer resume();
   Answer reset();
   Answer step(double duration_s);
-  void startRun();
+  Answer loadCheckpoint(const std::string& path);
+  Answer replaceWorld(std::unique_ptr<Simulation> world, CheckpointReader* resumed, std::string message);
+  CheckpointWriter makeCheckpoint(const std::string& path);
+  void autosave(const Snapshot& snapshot);
+  void scheduleAutosave();
+  void finishAutosave();
+  void reportAutosave(const std::exception& error);
+  /// @param resumed  where the simulation was loaded from
+  void startRun(CheckpointReader* resumed = nullptr);
   void finishRun(bool interrupted);
   void advance(std::uint64_t steps);
   std::uint64_t stepsToNextSample() const;
@@ -125,6 +139,10 @@ class RigNode {
   int run_number_ = 0;
   double compute_s_ = 0.0;  ///< wall time in the simulation since the run's start
   std::future<void> plot_;
+
+  std::mutex commit_mutex_;   ///< one checkpoint is written at a time
+  std::future<void> saving_;  ///< the autosave on its way to the disk
+  double autosave_due_s_ = 0.0;
 
   StatusFlags raised_;                        ///< since the last status message
   std::atomic<bool> command_refused_{false};  ///< by the node: bad frame; moves into raised_

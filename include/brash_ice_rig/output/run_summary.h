@@ -32,6 +32,8 @@ class ForceStatistics {
   /// Mean over the last 4.5 s, or over all samples while there are fewer. NaN without samples.
   double residual() const;
 
+  void visitState(StateVisitor& visitor);
+
  private:
   struct Sample {
     double time_s, force_n;

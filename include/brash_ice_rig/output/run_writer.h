@@ -28,6 +28,10 @@ class RunWriter {
   /// Creates the directory, parents too, and writes scenario.yaml, the effective scenario.
   RunWriter(const Simulation& simulation, const std::string& directory);
 
+  /// For a checkpoint, which holds the tables too: whoever loads it gets them whole, wherever they go then. Loading:
+  /// before the first write().
+  void visitState(StateVisitor& visitor);
+
   /// One row of force.csv (and of energy.csv), one sample of the statistics.
   /// @param raised  flags of the StepReport since the last call; they and the snapshot's go into the summary
   void write(const Snapshot& snapshot, StatusFlags raised);
@@ -45,6 +49,7 @@ class RunWriter {
   std::string energyPath() const { return directory_ + "/energy.csv"; }
   std::string plugPath() const { return directory_ + "/plug.csv"; }
   std::string summaryPath() const { return directory_ + "/summary.json"; }
+  std::string checkpointPath() const { return directory_ + "/" + kCheckpointName; }
 
  private:
   std::string directory_;

@@ -29,11 +29,15 @@ class VtkWriter {
   /// time is. @throws OutputError
   void writeIfDue(const Simulation& simulation, const Snapshot& snapshot);
 
+  /// For a checkpoint, which holds no pictures: those that a resumed run does not find in its directory are left out of
+  /// the series.
+  void visitState(StateVisitor& visitor);
+
   std::string collectionPath() const { return directory_ + "/run.pvd"; }
 
  private:
   std::string directory_;
-  std::vector<double> times_s_;
+  std::vector<double> times_s_;  ///< NaN: not in the series
   double due_s_ = -std::numeric_limits<double>::infinity();
 };
 

@@ -4,6 +4,7 @@
 
 #include "brash_ice_rig/config/scenario.h"
 #include "brash_ice_rig/simulation/status.h"
+#include "brash_ice_rig/system/state_visitor.h"
 
 namespace brash_ice_rig {
 
@@ -52,6 +53,8 @@ class Collector {
   double weight() const;
   double buoyancy(double hub_height_m, double water_density_kgpm3) const;
   double mass() const { return config_.mass_kg + config_.pole_mass_kg; }
+
+  void visitState(StateVisitor& visitor);
 
  private:
   void updateGeometry();

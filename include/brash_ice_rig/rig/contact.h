@@ -9,6 +9,7 @@
 #include "brash_ice_rig/config/scenario.h"
 #include "brash_ice_rig/rig/collector.h"
 #include "brash_ice_rig/sph/sph_body.h"
+#include "brash_ice_rig/system/state_visitor.h"
 
 namespace brash_ice_rig {
 
@@ -26,6 +27,8 @@ struct ContactSum {
   double damper_loss_j = 0.0;      ///< since the last update
   double friction_loss_j = 0.0;    ///< by slip, since the last update
   Eigen::Vector3d total() const { return normal_n + friction_n; }
+
+  void visitState(StateVisitor& visitor);
 };
 
 /// Penalty contact, particle to net and particle to pole, at half a spacing from their surfaces (section 4.1).
@@ -51,12 +54,15 @@ class RigContact {
   /// Distance from the surface at which contact begins, m.
   double offset() const { return offset_; }
 
+  void visitState(StateVisitor& visitor);
+
  private:
   struct Memory {
     Eigen::Vector3d spring_m = Eigen::Vector3d::Zero();
     Eigen::Vector3d damper_n = Eigen::Vector3d::Zero();  ///< its force on the rig at the last update
     std::int8_t side = 0;                                ///< 0: no contact
   };
+  static void visitMemory(StateVisitor& visitor, std::vector<Memory>& memory);
   struct Touch {
     Eigen::Vector3d normal;  ///< unit, from the surface to the particle
     double penetration_m;

@@ -4,6 +4,7 @@
 
 #include "brash_ice_rig/config/scenario.h"
 #include "brash_ice_rig/simulation/status.h"
+#include "brash_ice_rig/system/state_visitor.h"
 
 namespace brash_ice_rig {
 
@@ -25,6 +26,8 @@ class Crane {
 
   /// Speed from which the crane can still stop within a distance, m/s.
   double stoppingSpeed(double distance_m, double time_step_s) const;
+
+  void visitState(StateVisitor& visitor);
 
  private:
   CraneConfig config_;

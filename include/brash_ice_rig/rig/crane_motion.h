@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -30,6 +31,9 @@ class CraneMotion {
   double highest() const;
   /// Largest speed up or down, m/s.
   double fastest() const;
+
+  /// Of all corners: equal for equal motions, wherever they were read from.
+  std::uint64_t hash() const;
 
  private:
   std::vector<double> time_s_, way_m_;

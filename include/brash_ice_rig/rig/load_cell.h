@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 
 #include "brash_ice_rig/config/scenario.h"
+#include "brash_ice_rig/system/state_visitor.h"
 
 namespace brash_ice_rig {
 
@@ -26,6 +27,8 @@ class LoadCell {
   const Eigen::Vector3d& reading() const { return reading_; }
   /// What tare() subtracts, N.
   const Eigen::Vector3d& tareOffset() const { return tare_; }
+
+  void visitState(StateVisitor& visitor);
 
  private:
   LoadCellConfig config_;

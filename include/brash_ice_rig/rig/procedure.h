@@ -7,6 +7,7 @@
 #include "brash_ice_rig/rig/crane.h"
 #include "brash_ice_rig/rig/crane_motion.h"
 #include "brash_ice_rig/simulation/snapshot.h"
+#include "brash_ice_rig/system/state_visitor.h"
 
 namespace brash_ice_rig {
 
@@ -28,6 +29,8 @@ class Procedure {
   Order step(double time_s, double time_step_s, const Crane& crane, const Collector& collector, double hub_height_m);
 
   Stage stage() const { return stage_; }
+
+  void visitState(StateVisitor& visitor);
 
  private:
   void enter(Stage stage, double time_s);

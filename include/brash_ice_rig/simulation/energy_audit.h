@@ -23,6 +23,8 @@ struct RigInstant {
   double weight_n = 0.0;    ///< > 0
   double buoyancy_n = 0.0;  ///< > 0
   ContactSum contact;
+
+  void visitState(StateVisitor& visitor);
 };
 
 /// Follows where the energy of a run goes, step by step (doc/theory.md, section Energy). It only watches: the run is
@@ -47,6 +49,8 @@ class EnergyAudit {
 
   /// Since the start, J.
   EnergyBalance balance() const;
+
+  void visitState(StateVisitor& visitor);
 
  private:
   /// J, since the start.

@@ -2,10 +2,13 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
+#include <string>
 
 #include <Eigen/Core>
 
 #include "brash_ice_rig/config/scenario.h"
+#include "brash_ice_rig/simulation/checkpoint.h"
 #include "brash_ice_rig/simulation/snapshot.h"
 
 namespace brash_ice_rig {
@@ -61,8 +64,19 @@ class Simulation {
   bool finished() const;
   bool frozen() const;
 
-  /// 64-bit hash of everything that decides the future.
+  /// 64-bit hash of everything that decides the future: what save() keeps, but for counts and the energy audit.
   std::uint64_t stateHash() const;
+
+  /// Writes a checkpoint (checkpoint.h). A simulation that is loaded from it goes on as this one does, to the last bit.
+  /// @throws OutputError, also where the world is frozen: it has no future
+  void save(const std::string& path) const;
+  /// @throws ConfigError naming the file and why it is refused: not ours, another format, damaged
+  static Simulation load(const std::string& path);
+
+  /// For whoever keeps more in the same file: adds this simulation's sections.
+  void save(CheckpointWriter& file) const;
+  /// @param threads  instead of the scenario's solver.threads, on which results do not depend
+  static Simulation load(CheckpointReader& file, std::optional<int> threads = {});
 
  private:
   struct Impl;

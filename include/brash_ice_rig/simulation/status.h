@@ -4,6 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "brash_ice_rig/system/state_visitor.h"
+
 namespace brash_ice_rig {
 
 /// Running trouble. Each flag has a text that says the remedy. Values are part of the ROS interface (SimStatus.msg).
@@ -36,6 +38,8 @@ class StatusFlags {
     bits_ |= other.bits_;
     return *this;
   }
+
+  void visitState(StateVisitor& visitor) { visitor("flags", bits_); }
 
  private:
   std::uint32_t bits_ = 0;

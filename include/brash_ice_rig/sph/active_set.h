@@ -10,6 +10,7 @@
 
 #include "brash_ice_rig/material/material.h"
 #include "brash_ice_rig/sph/neighbour_search.h"
+#include "brash_ice_rig/system/state_visitor.h"
 
 namespace brash_ice_rig {
 
@@ -94,6 +95,10 @@ class ActiveSet {
   /// @param fallen_asleep  out: particles that have
   void endStep(const std::vector<Eigen::Vector3d>& position_m, const Eigen::Vector2d& axis_m, double radius_m,
                std::vector<std::size_t>& fallen_asleep);
+
+  /// Between steps.
+  /// @param neighbours  as last given to setNeighbours(); empty if none were
+  void visitState(StateVisitor& visitor, const NeighbourList& neighbours);
 
  private:
   static constexpr std::size_t kGroup = 8;             // two columns of the default field

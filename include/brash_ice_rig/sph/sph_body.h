@@ -198,12 +198,17 @@ class SphBody {
     return state_[k];
   }
 
+  /// Between steps, one thread. Loading refuses what would lead beyond memory: positions that are not finite, or ice
+  /// so dense that lists of neighbours have no bound.
+  void visitState(StateVisitor& visitor);
+
  private:
   ActiveSet::Share ownShare() const;
   SphRows rows();
   void checkMoves();
   void takeReferences();
   void takeCandidates();
+  void findLongestRow();
   void listAllRows();
   void listDueRows();
   void refreshDueRows();
@@ -217,6 +222,9 @@ class SphBody {
   bool refreshRow(std::size_t i, PairBlock* row);
   void updateRun(const SphRows& rows, const ActiveSet::Run& run, float time_step_s);
   void updateActiveSet();
+  void checkLoaded(const StateVisitor& visitor) const;
+  std::uint64_t hashOfRows() const;
+  void rebuildRows();
 
   SphSettings settings_;
   const Material& material_;

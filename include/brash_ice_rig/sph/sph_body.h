@@ -214,7 +214,8 @@ class SphBody {
       act(static_cast<std::size_t>(candidates_.index[c]));
     }
   }
-  bool refreshRow(std::size_t i, PairBlock* row);
+  void setSite(std::size_t i);
+  bool refreshRow(const SphSites& sites, std::size_t i, std::int32_t* scratch);
   void updateRun(const SphRows& rows, const ActiveSet::Run& run, float time_step_s);
   void updateActiveSet();
 
@@ -238,6 +239,8 @@ class SphBody {
 
   // Cache, a function of the references alone.
   std::vector<Eigen::Vector3d> reference_;
+  AlignedVector<SphSite> site_;  ///< the references as the kernels read them
+  double site_unit_m_ = 0.0;
   NeighbourSearch search_;
   bool search_due_ = false;
   NeighbourList candidates_;  ///< within the longest support + skin

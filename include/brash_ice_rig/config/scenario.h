@@ -260,7 +260,7 @@ struct SolverConfig {
   double viscosity_speed_mps = 58.0;
   double volume_ratio_limit = 1.5;
   double determinant_limit = 0.1;
-  double neighbour_skin_ratio = 0.15;
+  double neighbour_skin_ratio = 0.4;
   double gradient_refresh_ratio = 0.01;
   bool active_set = true;
   double quiet_force_ratio = 0.02;

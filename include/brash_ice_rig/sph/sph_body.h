@@ -29,7 +29,7 @@ struct SphSettings {
   double viscosity_speed_mps = 58.0;  ///< c in the viscosity; fixed, see doc/theory.md
   double volume_ratio_limit = 1.5;    ///< V / V_0 stays within 1/this .. this
   double determinant_limit = 0.1;     ///< below: no gradient correction
-  double skin_m = 0.045;              ///< margin of the neighbour search
+  double skin_m = 0.12;               ///< margin of the neighbour search
   double refresh_distance_m = 0.003;  ///< gradients are recomputed around a particle that has moved this far
   /// Each particle's h follows its volume by smoothingGrowth().
   bool variable_smoothing_length = false;

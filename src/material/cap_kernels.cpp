@@ -98,6 +98,9 @@ BRASH_ICE_INLINE Doubles splat(double value) {
 BRASH_ICE_INLINE Doubles abs(Doubles x) {
   return (Doubles)((Bits)x & ~(1ull << 63));
 }
+BRASH_ICE_INLINE WideFloats abs(WideFloats x) {
+  return (WideFloats)((WideMask)x & 0x7fffffff);
+}
 BRASH_ICE_INLINE Doubles larger(Doubles a, Doubles b) {
   return select(a < b, b, a);
 }
@@ -241,7 +244,8 @@ struct Arrays {
 };
 
 /// Elastic predictor in float, and a check with a lower bound of the cap's intercept that needs no logarithm; since the
-/// surface grows with X, what it calls elastic is elastic.
+/// surface grows with X, what it calls elastic is elastic. Where a damage threshold is set, it settles those under
+/// pressure whose damage does not grow.
 class ElasticPass {
  public:
   explicit ElasticPass(const CapConstants& p)
@@ -257,11 +261,16 @@ class ElasticPass {
         inverse_max_compaction_(static_cast<float>((1.0 - 1e-5) / p.max_compaction)),
         d1_(static_cast<float>(p.d1_per_pa)),
         d2_per_d1_(static_cast<float>(p.d2_per_pa2 / p.d1_per_pa)),
-        factor_2_(static_cast<float>(p.smallest_lode_factor * p.smallest_lode_factor)) {}
+        factor_2_(static_cast<float>(p.smallest_lode_factor * p.smallest_lode_factor)),
+        max_damage_(static_cast<float>(p.max_damage)),
+        excess_shear_(static_cast<float>(0.5 * (1.0 - p.stiffness_scale) / p.shear_modulus_pa)),
+        excess_volume_(static_cast<float>((1.0 - p.stiffness_scale) *
+                                          (1.0 / (6.0 * p.shear_modulus_pa) - 1.0 / (9.0 * p.bulk_modulus_pa)))) {}
 
   /// Updates kFloatWidth particles.
   /// @return a bit for each that this does not settle, and leaves as it was
   BRASH_ICE_INLINE std::uint64_t update(const Arrays& at, std::size_t i) const {
+    const WideFloats none{}, one = none + 1.0f;
     WideFloats strain[6], old[6];
     for (std::size_t c = 0; c < 6; ++c) {
       strain[c] = load<WideFloats>(at.strain[c] + i);
@@ -269,9 +278,16 @@ class ElasticPass {
     }
     const WideFloats opening = strain[0] + strain[1] + strain[2];
     const WideFloats volume_part = lame_ * opening;
-    WideFloats stress[6];
+    WideFloats damage{}, integrity = one, inverse_integrity = one;
+    if (damages_) {
+      damage = load<WideFloats>(at.state[kDamage] + i);
+      integrity = 1.0f - select(damage > max_damage_, none + max_damage_, damage);
+      inverse_integrity = 1.0f / integrity;
+    }
+    WideFloats increment[6], stress[6];  // without damage
     for (std::size_t c = 0; c < 6; ++c) {
-      stress[c] = old[c] + (c < 3 ? shear_2_ * strain[c] + volume_part : shear_2_ * strain[c]);
+      increment[c] = c < 3 ? shear_2_ * strain[c] + volume_part : shear_2_ * strain[c];
+      stress[c] = old[c] * inverse_integrity + increment[c];
     }
     const WideFloats j1 = -(stress[0] + stress[1] + stress[2]);
     const WideFloats pressure = j1 * (1.0f / 3.0f);
@@ -280,7 +296,6 @@ class ElasticPass {
         0.5f * (dx * dx + dy * dy + dz * dz) + (stress[3] * stress[3] + stress[4] * stress[4] + stress[5] * stress[5]);
 
     // -ln(1 - u) > u (6 - u) / (6 - 4 u) on (0, 1), and y > l / (D1 + D2 l / D1) for the root y of eq. 12.
-    const WideFloats none{}, one = none + 1.0f;
     const WideFloats scaled = load<WideFloats>(at.state[kCompaction] + i) * inverse_max_compaction_;
     const WideFloats u = select(scaled > one, one, select(scaled < none, none, scaled));
     const WideFloats numerator = u * (6.0f - u);
@@ -293,23 +308,47 @@ class ElasticPass {
       elastic &= (load<WideFloats>(at.state[kGap] + i) == none) | (j1 <= none) | (opening >= none);
     }
     if (damages_) {
+      WideFloats total[6];
+      for (std::size_t c = 0; c < 6; ++c) total[c] = load<WideFloats>(at.state[kTotalStrain + c] + i) + strain[c];
+      const WideFloats ductile = load<WideFloats>(at.state[kDuctileThreshold] + i);
+      const WideMask intact = (load<WideFloats>(at.state[kBrittleThreshold] + i) == none) & (ductile == none);
       // Where a threshold is set, damage may grow without yielding.
-      elastic &= (load<WideFloats>(at.state[kBrittleThreshold] + i) == none) &
-                 (load<WideFloats>(at.state[kDuctileThreshold] + i) == none);
+      WideMask keeps = (j1 >= none) & (damage == load<WideFloats>(at.state[kDuctileDamage] + i)) &
+                       ((ductile == none) | (computeLargestMeasureSquared(total, stress, j1) < ductile * ductile));
+      if (gap_memory_) keeps &= load<WideFloats>(at.state[kGap] + i) == none;
+      elastic &= intact | keeps;
       for (std::size_t c = 0; c < 6; ++c) {
-        float* const total = at.state[kTotalStrain + c] + i;
-        const WideFloats before = load<WideFloats>(total);
-        store(total, select(elastic, before + strain[c], before));
+        float* const to = at.state[kTotalStrain + c] + i;
+        store(to, select(elastic, total[c], load<WideFloats>(to)));
       }
     }
-    for (std::size_t c = 0; c < 6; ++c) store(at.stress[c] + i, select(elastic, stress[c], old[c]));
+    for (std::size_t c = 0; c < 6; ++c) {
+      store(at.stress[c] + i, select(elastic, old[c] + integrity * increment[c], old[c]));
+    }
     return bitsOf(~elastic);
   }
 
  private:
+  /// Upper bound of the squared measure of ductile damage, see measureDuctile.
+  BRASH_ICE_INLINE WideFloats computeLargestMeasureSquared(const WideFloats* total, const WideFloats* stress,
+                                                           const WideFloats& j1) const {
+    constexpr float kRounding = 2e-6f;  // of the terms, more than what float loses in them
+    const WideFloats volume_part = excess_volume_ * j1;
+    WideFloats sum{}, size{};
+    for (std::size_t c = 0; c < 6; ++c) {
+      const float weight = c < 3 ? 0.5f : 1.0f;
+      WideFloats excess = excess_shear_ * stress[c];
+      if (c < 3) excess += volume_part;
+      sum += weight * stress[c] * (total[c] - excess);
+      size += weight * abs(stress[c]) * (abs(total[c]) + abs(excess));
+    }
+    return sum + kRounding * size;
+  }
+
   bool gap_memory_, damages_;
   float shear_2_, lame_, alpha_, theta_, apex_, inverse_width_ratio_;
   float initial_intercept_, inverse_max_compaction_, d1_, d2_per_d1_, factor_2_;
+  float max_damage_, excess_shear_, excess_volume_;
 };
 
 /// The particles of a tile that the elastic pass does not settle.

@@ -7,6 +7,8 @@
 #include <optional>
 #include <vector>
 
+#include <omp.h>
+
 #include "brash_ice_rig/config/config_error.h"
 #include "brash_ice_rig/effects/effect.h"
 #include "brash_ice_rig/ice/ice_field.h"
@@ -20,6 +22,7 @@
 #include "brash_ice_rig/rig/load_cell.h"
 #include "brash_ice_rig/rig/procedure.h"
 #include "brash_ice_rig/simulation/energy_audit.h"
+#include "brash_ice_rig/simulation/pinned_thread.h"
 #include "brash_ice_rig/simulation/plug.h"
 #include "brash_ice_rig/sph/sph_body.h"
 #include "brash_ice_rig/system/hash.h"
@@ -489,32 +492,37 @@ StepReport Simulation::advance(double duration_s) {
   const auto external = [&world](std::size_t i) -> Eigen::Vector4f {
     return world.waterForce(i) + world.contact.force(i);
   };
+  const std::vector<int> cores = world.scenario.solver.pin_threads ? allowedCores() : std::vector<int>();
   // One team for all steps: opening one costs more than a barrier.
 #pragma omp parallel num_threads(world.scenario.solver.threads)
-  for (std::int64_t step = 0; step < steps; ++step) {
-    if (world.frozen) break;
-    if (step == 0) {
+  {
+    const PinnedThread pinned(cores, static_cast<std::size_t>(omp_get_thread_num()));
+    for (std::int64_t step = 0; step < steps; ++step) {
+      if (world.frozen) break;
+      if (step == 0) {
 #pragma omp single
-      world.takeCommands();
-    }
-    const double damping = world.step_count < world.settle_steps ? world.scenario.procedure.settle_damping_per_s : 0.0;
-    world.ice.updateGradients();
-    if (world.audit) world.audit->beginStep();
-    world.ice.updateStress(world.time_step);
-    if (!world.audit) {
-      // The rest of the step is one thread's, without a barrier in between.
-      world.ice.updateMotion(world.time_step, damping, external, [&world, last = step + 1 == steps] {
+        world.takeCommands();
+      }
+      const double damping =
+          world.step_count < world.settle_steps ? world.scenario.procedure.settle_damping_per_s : 0.0;
+      world.ice.updateGradients();
+      if (world.audit) world.audit->beginStep();
+      world.ice.updateStress(world.time_step);
+      if (!world.audit) {
+        // The rest of the step is one thread's, without a barrier in between.
+        world.ice.updateMotion(world.time_step, damping, external, [&world, last = step + 1 == steps] {
+          world.moveRig();
+          if (!last) world.takeCommands();
+        });
+        continue;
+      }
+      world.ice.updateMotion(world.time_step, damping, external);
+      world.audit->endStep(damping);
+#pragma omp single
+      {
         world.moveRig();
-        if (!last) world.takeCommands();
-      });
-      continue;
-    }
-    world.ice.updateMotion(world.time_step, damping, external);
-    world.audit->endStep(damping);
-#pragma omp single
-    {
-      world.moveRig();
-      if (step + 1 < steps) world.takeCommands();
+        if (step + 1 < steps) world.takeCommands();
+      }
     }
   }
   if (world.frozen) world.flags.set(StatusFlag::kNonFinite);

@@ -1,8 +1,7 @@
 #include "brash_ice_rig/sph/sph_body.h"
 
 #include <cassert>
-
-#include <Eigen/LU>
+#include <cmath>
 
 #include <omp.h>
 
@@ -30,7 +29,10 @@ namespace {
 constexpr float kVolumeChange = 0.002f;
 
 /// Share of the way that counts as a move which particles may go between two looks at them.
-constexpr double kUncheckedShare = 0.1;
+constexpr double kUncheckedShare = 0.25;
+
+/// How far particles may go before their gradients see no more of it, over the size of the field.
+constexpr double kSiteRange = 4.0;
 
 Padded3* padded(AlignedVector<Eigen::Vector4f>& vectors) {
   return reinterpret_cast<Padded3*>(vectors.data());
@@ -71,6 +73,11 @@ SphBody::SphBody(const SphSettings& settings, const Material& material, const st
   listed_.assign(count, 0);
   due_.reserve(count);
   smoothing_length_.assign(count, settings.smoothing_length_m);
+  double farthest = settings.smoothing_length_m;
+  for (const Eigen::Vector3d& position : position_m) farthest = std::max(farthest, position.cwiseAbs().maxCoeff());
+  site_unit_m_ = std::exp2(std::ceil(std::log2(kSiteRange * farthest)) - 30.0);
+  site_.resize(count);
+  for (std::size_t i = 0; i < count; ++i) setSite(i);
 }
 
 void SphBody::setVelocity(std::size_t i, const Eigen::Vector3d& velocity_mps) {
@@ -163,10 +170,12 @@ void SphBody::takeReferences() {
     if (moved_[i] < kTakenAlong) continue;
     reference_[i] = position_[i];
     cached_volume_[i] = volume_[i];
-    if (!settings_.variable_smoothing_length) continue;
-    smoothing_length_[i] =
-        settings_.smoothing_length_m * smoothingGrowth(static_cast<double>(cached_volume_[i]) / rest_volume);
-    longest_ = std::max(longest_, smoothing_length_[i]);
+    if (settings_.variable_smoothing_length) {
+      smoothing_length_[i] =
+          settings_.smoothing_length_m * smoothingGrowth(static_cast<double>(cached_volume_[i]) / rest_volume);
+      longest_ = std::max(longest_, smoothing_length_[i]);
+    }
+    setSite(i);
   }
 }
 
@@ -216,40 +225,50 @@ void SphBody::listDueRows() {
 }
 
 void SphBody::refreshDueRows() {
-  // The kernel writes one entry beyond those that it keeps.
-  std::vector<PairBlock> row(longest_row_ / PairBlock::kPairs + 1);
+  SphSites sites;
+  sites.site = site_.data();
+  sites.volume = cached_volume_.data();
+  sites.unit_m = static_cast<float>(site_unit_m_);
+  sites.viscosity =
+      static_cast<float>(settings_.density_kgpm3 * settings_.viscosity_ratio * settings_.viscosity_speed_mps);
+  std::vector<std::int32_t> scratch(longest_row_ + 2 * PairBlock::kPairs);
   bool overflows = false;
 #pragma omp for schedule(static) nowait
-  for (std::size_t k = 0; k < due_.size(); ++k) overflows = !refreshRow(due_[k], row.data()) || overflows;
+  for (std::size_t k = 0; k < due_.size(); ++k) overflows = !refreshRow(sites, due_[k], scratch.data()) || overflows;
 #pragma omp critical(brash_ice_rig_sph_rows)
   row_overflows_ = row_overflows_ || overflows;
 #pragma omp barrier
 }
 
-/// @param row  room for the longest row
+/// @param scratch  room for two blocks more than the longest row has candidates
 /// @return whether there was room for it among blocks_; its length is noted in any case
-bool SphBody::refreshRow(std::size_t i, PairBlock* row) {
-  static_assert(sizeof(Eigen::Vector3d) == sizeof(double[3]), "the kernels read positions as plain numbers");
-  const auto viscosity =
-      static_cast<float>(settings_.density_kgpm3 * settings_.viscosity_ratio * settings_.viscosity_speed_mps);
-  const std::size_t first = candidates_.row_begin[i];
+bool SphBody::refreshRow(const SphSites& sites, std::size_t i, std::int32_t* scratch) {
+  const std::size_t first = candidates_.row_begin[i], room = block_begin_[i + 1] - block_begin_[i];
   double m[6];
-  block_count_[i] =
-      kernels_.refresh(i, reinterpret_cast<const double(*)[3]>(reference_.data()), smoothing_length_.data(),
-                       cached_volume_.data(), viscosity, candidates_.index.data() + first,
-                       candidates_.row_begin[i + 1] - first, row, padded(gradient_sum_) + i, m);
-  const auto count = static_cast<std::size_t>(block_count_[i]);
-  if (count > block_begin_[i + 1] - block_begin_[i]) return false;
-  std::copy_n(row, count, blocks_.begin() + static_cast<std::ptrdiff_t>(block_begin_[i]));
-  Eigen::Matrix3d moment;
-  moment << m[0], m[3], m[5], m[3], m[1], m[4], m[5], m[4], m[2];
-  const bool regular = moment.determinant() >= settings_.determinant_limit;
-  const Eigen::Matrix3d correction = regular ? Eigen::Matrix3d(moment.inverse()) : Eigen::Matrix3d::Identity();
-  for (std::size_t c = 0; c < 9; ++c) {
-    const auto entry = static_cast<Eigen::Index>(c);
-    correction_[c][i] = static_cast<float>(correction(entry / 3, entry % 3));
-  }
+  block_count_[i] = kernels_.refresh(sites, i, candidates_.index.data() + first, candidates_.row_begin[i + 1] - first,
+                                     scratch, blocks_.data() + block_begin_[i], room, padded(gradient_sum_) + i, m);
+  if (static_cast<std::size_t>(block_count_[i]) > room) return false;
+  // M is symmetric: its inverse is that of its cofactors over its determinant.
+  const double xx = m[1] * m[2] - m[4] * m[4], yy = m[0] * m[2] - m[5] * m[5], zz = m[0] * m[1] - m[3] * m[3];
+  const double xy = m[4] * m[5] - m[3] * m[2], yz = m[3] * m[5] - m[4] * m[0], zx = m[3] * m[4] - m[5] * m[1];
+  const double determinant = m[0] * xx + m[3] * xy + m[5] * zx;
+  const bool regular = determinant >= settings_.determinant_limit;
+  const double factor = regular ? 1.0 / determinant : 0.0, unit = regular ? 0.0 : 1.0;
+  const double correction[9] = {unit + factor * xx, factor * xy, factor * zx, factor * xy,       unit + factor * yy,
+                                factor * yz,        factor * zx, factor * yz, unit + factor * zz};
+  for (std::size_t c = 0; c < 9; ++c) correction_[c][i] = static_cast<float>(correction[c]);
   return true;
+}
+
+/// Whole numbers of a unit so fine that nothing is lost to what the difference of two can be in float, and so large
+/// that the field fits in several times; what flies off farther than that has no neighbours any more.
+void SphBody::setSite(std::size_t i) {
+  const auto whole = [this](double x_m) {
+    constexpr double kFarthest = 1.0e9;  // differences of two stay in range
+    return static_cast<std::int32_t>(std::lround(std::clamp(x_m / site_unit_m_, -kFarthest, kFarthest)));
+  };
+  site_[i] = {whole(reference_[i].x()), whole(reference_[i].y()), whole(reference_[i].z()),
+              static_cast<float>(smoothing_length_[i])};
 }
 
 SphRows SphBody::rows() {

@@ -12,6 +12,8 @@ constexpr std::size_t kPairs = PairBlock::kPairs;
 /// A pair closer than this to the edge of the support has no measurable weight, and its viscosity factor overflows.
 constexpr float kSupportMargin = 1.0e-4f;
 
+typedef std::int32_t Int8 __attribute__((vector_size(32)));
+
 BRASH_ICE_INLINE Float4 loadPadded(const Padded3& from) {
   return load<Float4>(from.component);
 }
@@ -28,20 +30,20 @@ BRASH_ICE_INLINE const Record& neighbourOf(const Record* records, const PairBloc
   return *reinterpret_cast<const Record*>(reinterpret_cast<const char*>(records) + sizeof(Record) / 8 * index);
 }
 
-/// x, y and z of eight velocities, lane by lane.
+/// The four components of eight records, lane by lane.
 struct Components8 {
-  Float8 x, y, z;
+  Float8 x, y, z, w;
 };
 
-BRASH_ICE_INLINE Components8 gatherVelocities(const Padded3* velocity, const PairBlock& block) {
-  const auto both = [&](std::size_t low, std::size_t high) {
-    return join(loadPadded(neighbourOf(velocity, block, low)), loadPadded(neighbourOf(velocity, block, high)));
-  };
-  const Float8 a = both(0, 4), b = both(1, 5), c = both(2, 6), d = both(3, 7);
+/// @param record  gives the n-th of the eight
+template <class Record>
+BRASH_ICE_INLINE Components8 gatherComponents(const Record& record) {
+  const Float8 a = join(record(0), record(4)), b = join(record(1), record(5));
+  const Float8 c = join(record(2), record(6)), d = join(record(3), record(7));
   const Float8 xy_ab = shuffle<0, 8, 1, 9, 4, 12, 5, 13>(a, b), xy_cd = shuffle<0, 8, 1, 9, 4, 12, 5, 13>(c, d);
-  const Float8 z_ab = shuffle<2, 10, 3, 11, 6, 14, 7, 15>(a, b), z_cd = shuffle<2, 10, 3, 11, 6, 14, 7, 15>(c, d);
+  const Float8 zw_ab = shuffle<2, 10, 3, 11, 6, 14, 7, 15>(a, b), zw_cd = shuffle<2, 10, 3, 11, 6, 14, 7, 15>(c, d);
   return {shuffle<0, 1, 8, 9, 4, 5, 12, 13>(xy_ab, xy_cd), shuffle<2, 3, 10, 11, 6, 7, 14, 15>(xy_ab, xy_cd),
-          shuffle<0, 1, 8, 9, 4, 5, 12, 13>(z_ab, z_cd)};
+          shuffle<0, 1, 8, 9, 4, 5, 12, 13>(zw_ab, zw_cd), shuffle<2, 3, 10, 11, 6, 7, 14, 15>(zw_ab, zw_cd)};
 }
 
 /// The sums over the lanes of four vectors.
@@ -65,7 +67,8 @@ BRASH_ICE_INLINE Gathered gatherRow(const SphRows& rows, std::size_t i) {
   const PairBlock* block = rows.blocks + rows.block_begin[i];
   const PairBlock* const end = block + rows.block_count[i];
   for (; block != end; ++block) {
-    const Components8 other = gatherVelocities(velocity, *block);
+    const Components8 other =
+        gatherComponents([&](std::size_t n) { return loadPadded(neighbourOf(velocity, *block, n)); });
     const Float8 dx = other.x - own_x, dy = other.y - own_y, dz = other.z - own_z;
     const Float8 gx = load<Float8>(block->gx), gy = load<Float8>(block->gy), gz = load<Float8>(block->gz);
     const Float8 px = dx * gx, py = dy * gy, pz = dz * gz;
@@ -241,81 +244,108 @@ void velocityGradient(const SphRows& rows, std::size_t i, float* gradient) {
   }
 }
 
-std::int32_t refresh(std::size_t i, const double (*position)[3], const double* smoothing, const float* volume,
-                     float viscosity, const std::int32_t* candidates, std::size_t count, PairBlock* row, Padded3* sum,
-                     double* moment) {
-  constexpr float kPi = 3.14159265358979323846f;
-  Float8 sum_x{}, sum_y{}, sum_z{}, xx{}, yy{}, zz{}, xy{}, yz{}, zx{};
-  std::size_t filled = 0;
-  for (std::size_t first = 0; first < count; first += kPairs) {
-    // The difference is taken in double: far from the origin a float would not see small moves.
-    float x[kPairs], y[kPairs], z[kPairs], h[kPairs], v[kPairs];
-    std::int32_t j[kPairs];
+BRASH_ICE_INLINE Float8 select(const Int8& mask, const Float8& yes, const Float8& no) {
+  return (Float8)(((Int8)yes & mask) | ((Int8)no & ~mask));
+}
+
+/// From the neighbours to a particle, with what decides whether they are within reach.
+struct Offset8 {
+  Float8 x, y, z, h;  ///< m; h is the mean of both
+  Float8 distance_squared, distance, ratio;
+  Int8 in_reach;
+};
+
+BRASH_ICE_INLINE Offset8 computeOffsets(const SphSites& sites, std::size_t i, const std::int32_t* neighbour) {
+  const SphSite& own = sites.site[i];
+  const Components8 other = gatherComponents(
+      [&](std::size_t n) { return load<Float4>(&sites.site[static_cast<std::size_t>(neighbour[n])]); });
+  // Of whole numbers, so that the difference is exact however far from the origin both are.
+  const auto difference = [&](std::int32_t from, const Float8& to) {
+    return __builtin_convertvector(from - (Int8)to, Float8) * sites.unit_m;
+  };
+  Offset8 result;
+  result.x = difference(own.x, other.x);
+  result.y = difference(own.y, other.y);
+  result.z = difference(own.z, other.z);
+  result.h = 0.5f * (own.smoothing_length_m + other.w);  // of equal ones: exactly that one
+  result.distance_squared = result.x * result.x + result.y * result.y + result.z * result.z;
+  for (std::size_t n = 0; n < kPairs; ++n) result.distance[n] = __builtin_sqrtf(result.distance_squared[n]);
+  result.ratio = result.distance / result.h;
+  result.in_reach = (result.ratio < 2.0f - kSupportMargin) & (result.distance_squared > 0.0f);
+  return result;
+}
+
+/// Those of the candidates that are within reach, filled up to whole blocks with the particle itself.
+/// @return how many are within reach
+std::size_t findNeighbours(const SphSites& sites, std::size_t i, const std::int32_t* candidates, std::size_t count,
+                           std::int32_t* neighbour) {
+  const auto own = static_cast<std::int32_t>(i);
+  std::size_t found = 0;
+  const auto take = [&](const std::int32_t* eight) {
+    const Int8 in_reach = computeOffsets(sites, i, eight).in_reach;
     for (std::size_t n = 0; n < kPairs; ++n) {
-      j[n] = first + n < count ? candidates[first + n] : static_cast<std::int32_t>(i);
-      x[n] = static_cast<float>(position[i][0] - position[j[n]][0]);
-      y[n] = static_cast<float>(position[i][1] - position[j[n]][1]);
-      z[n] = static_cast<float>(position[i][2] - position[j[n]][2]);
-      h[n] = static_cast<float>(0.5 * (smoothing[i] + smoothing[j[n]]));  // of equal ones: exactly that one
-      v[n] = volume[j[n]];
+      neighbour[found] = eight[n];  // the next one takes its place where it is out of reach
+      found += static_cast<std::size_t>(in_reach[n] & 1);
     }
-    float gx[kPairs], gy[kPairs], gz[kPairs], q[kPairs];
-    std::int32_t within[kPairs];
-#pragma GCC ivdep
-    for (std::size_t n = 0; n < kPairs; ++n) {
-      const float distance_squared = x[n] * x[n] + y[n] * y[n] + z[n] * z[n];
-      const float distance = __builtin_sqrtf(distance_squared);
-      const float ratio = distance / h[n];
-      const bool in_reach = (ratio < 2.0f - kSupportMargin) & (distance_squared > 0.0f);
-      within[n] = in_reach ? 1 : 0;
-      const float tail = 2.0f - ratio;
-      // dW/dr of the cubic spline, sph/kernel.h.
-      const float shape = ratio < 1.0f ? ratio * (2.25f * ratio - 3.0f) : -0.75f * tail * tail;
-      const float h_squared = h[n] * h[n];
-      const float slope = v[n] * shape / (kPi * h_squared * h_squared);
-      const float along = slope / (in_reach ? distance : 1.0f);
-      gx[n] = in_reach ? along * x[n] : 0.0f;
-      gy[n] = in_reach ? along * y[n] : 0.0f;
-      gz[n] = in_reach ? along * z[n] : 0.0f;
-      const float softened = distance_squared + 0.01f * h_squared;
-      q[n] = in_reach ? viscosity * h[n] * distance / (softened * -slope) : 0.0f;
-    }
-    const Float8 vx = load<Float8>(x), vy = load<Float8>(y), vz = load<Float8>(z);
-    const Float8 wx = load<Float8>(gx), wy = load<Float8>(gy), wz = load<Float8>(gz);
-    sum_x += wx;
-    sum_y += wy;
-    sum_z += wz;
-    xx -= vx * wx;
-    yy -= vy * wy;
-    zz -= vz * wz;
-    xy -= vx * wy;
-    yz -= vy * wz;
-    zx -= vz * wx;
-    // Each is written; the next one takes its place where it is out of reach.
-    for (std::size_t n = 0; n < kPairs; ++n) {
-      PairBlock& block = row[filled / kPairs];
-      const std::size_t lane = filled % kPairs;
-      block.gx[lane] = gx[n];
-      block.gy[lane] = gy[n];
-      block.gz[lane] = gz[n];
-      block.q[lane] = q[n];
-      block.eightfold_neighbour[lane] = 8u * static_cast<std::uint32_t>(j[n]);
-      filled += static_cast<std::size_t>(within[n]);
-    }
+  };
+  const std::size_t whole = count / kPairs * kPairs;
+  for (std::size_t first = 0; first < whole; first += kPairs) take(candidates + first);
+  if (whole < count) {
+    std::int32_t last[kPairs];
+    for (std::size_t n = 0; n < kPairs; ++n) last[n] = whole + n < count ? candidates[whole + n] : own;
+    take(last);
   }
-  const std::size_t blocks = (filled + kPairs - 1) / kPairs;
-  for (std::size_t n = filled; n < blocks * kPairs; ++n) {
-    PairBlock& block = row[n / kPairs];
-    const std::size_t lane = n % kPairs;
-    block.gx[lane] = block.gy[lane] = block.gz[lane] = block.q[lane] = 0.0f;
-    block.eightfold_neighbour[lane] = 8u * static_cast<std::uint32_t>(i);
+  for (std::size_t n = 0; n < kPairs; ++n) neighbour[found + n] = own;
+  return found;
+}
+
+BRASH_ICE_INLINE double total(const Float8& lanes) {
+  double result = 0.0;
+  for (std::size_t n = 0; n < kPairs; ++n) result += static_cast<double>(lanes[n]);
+  return result;
+}
+
+std::int32_t refresh(const SphSites& sites, std::size_t i, const std::int32_t* candidates, std::size_t count,
+                     std::int32_t* neighbour, PairBlock* row, std::size_t room, Padded3* sum, double* moment) {
+  constexpr float kInversePi = 0.318309886183790672f;
+  const std::size_t found = findNeighbours(sites, i, candidates, count, neighbour);
+  const std::size_t blocks = (found + kPairs - 1) / kPairs;
+  if (blocks > room) return static_cast<std::int32_t>(blocks);
+  Float8 sum_x{}, sum_y{}, sum_z{}, xx{}, yy{}, zz{}, xy{}, yz{}, zx{};
+  for (std::size_t b = 0; b < blocks; ++b) {
+    const std::int32_t* const eight = neighbour + b * kPairs;
+    const Offset8 to = computeOffsets(sites, i, eight);
+    Float8 volume;
+    for (std::size_t n = 0; n < kPairs; ++n) volume[n] = sites.volume[static_cast<std::size_t>(eight[n])];
+    // dW/dr of the cubic spline, sph/kernel.h.
+    const Float8 tail = 2.0f - to.ratio;
+    const Float8 shape = select(to.ratio < 1.0f, to.ratio * (2.25f * to.ratio - 3.0f), -0.75f * tail * tail);
+    const Float8 h_squared = to.h * to.h;
+    const Float8 slope = volume * shape * kInversePi / (h_squared * h_squared);
+    // The particle itself, which fills up the last block, has neither.
+    const Float8 none{};
+    const Float8 along = select(to.in_reach, slope / to.distance, none);
+    const Float8 softened = to.distance_squared + 0.01f * h_squared;
+    const Float8 q = select(to.in_reach, sites.viscosity * to.h * to.distance / (softened * -slope), none);
+    const Float8 gx = along * to.x, gy = along * to.y, gz = along * to.z;
+    sum_x += gx;
+    sum_y += gy;
+    sum_z += gz;
+    xx -= to.x * gx;
+    yy -= to.y * gy;
+    zz -= to.z * gz;
+    xy -= to.x * gy;
+    yz -= to.y * gz;
+    zx -= to.z * gx;
+    store(row[b].gx, gx);
+    store(row[b].gy, gy);
+    store(row[b].gz, gz);
+    store(row[b].q, q);
+    for (std::size_t n = 0; n < kPairs; ++n) {
+      row[b].eightfold_neighbour[n] = 8u * static_cast<std::uint32_t>(eight[n]);
+    }
   }
   store(sum->component, sumLanes(sum_x, sum_y, sum_z, Float8{}));
-  const auto total = [](const Float8& lanes) {
-    double result = 0.0;
-    for (std::size_t n = 0; n < kPairs; ++n) result += static_cast<double>(lanes[n]);
-    return result;
-  };
   moment[0] = total(xx);
   moment[1] = total(yy);
   moment[2] = total(zz);

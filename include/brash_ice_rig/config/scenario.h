@@ -260,12 +260,13 @@ struct SolverConfig {
   double viscosity_speed_mps = 58.0;
   double volume_ratio_limit = 1.5;
   double determinant_limit = 0.1;
-  double neighbour_skin_ratio = 0.15;
+  double neighbour_skin_ratio = 0.4;
   double gradient_refresh_ratio = 0.01;
   bool active_set = true;
   double quiet_force_ratio = 0.02;
   double quiet_time_s = 0.1;
   int threads = 2;
+  bool pin_threads = false;
 
   template <class Visitor>
   void visit(Visitor& v) {
@@ -288,6 +289,7 @@ struct SolverConfig {
       "force that may hold a sleeping particle in place, over its weight (active_set)");
     v("quiet_time_s", quiet_time_s, Range{0.0, 600.0, true}, "rest before ice falls asleep (active_set)");
     v("threads", threads, Range{1.0, 256.0}, "OpenMP threads; results do not depend on it");
+    v("pin_threads", pin_threads, "each thread stays on a core of its own while the simulation advances");
   }
 };
 

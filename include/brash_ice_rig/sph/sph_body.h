@@ -29,7 +29,7 @@ struct SphSettings {
   double viscosity_speed_mps = 58.0;  ///< c in the viscosity; fixed, see doc/theory.md
   double volume_ratio_limit = 1.5;    ///< V / V_0 stays within 1/this .. this
   double determinant_limit = 0.1;     ///< below: no gradient correction
-  double skin_m = 0.045;              ///< margin of the neighbour search
+  double skin_m = 0.12;               ///< margin of the neighbour search
   double refresh_distance_m = 0.003;  ///< gradients are recomputed around a particle that has moved this far
   /// Each particle's h follows its volume by smoothingGrowth().
   bool variable_smoothing_length = false;
@@ -219,7 +219,8 @@ class SphBody {
       act(static_cast<std::size_t>(candidates_.index[c]));
     }
   }
-  bool refreshRow(std::size_t i, PairBlock* row);
+  void setSite(std::size_t i);
+  bool refreshRow(const SphSites& sites, std::size_t i, std::int32_t* scratch);
   void updateRun(const SphRows& rows, const ActiveSet::Run& run, float time_step_s);
   void updateActiveSet();
   void checkLoaded(const StateVisitor& visitor) const;
@@ -246,6 +247,8 @@ class SphBody {
 
   // Cache, a function of the references alone.
   std::vector<Eigen::Vector3d> reference_;
+  AlignedVector<SphSite> site_;  ///< the references as the kernels read them
+  double site_unit_m_ = 0.0;
   NeighbourSearch search_;
   bool search_due_ = false;
   NeighbourList candidates_;  ///< within the longest support + skin

@@ -27,6 +27,20 @@ struct alignas(16) Padded3 {
   float component[4];
 };
 
+/// Where gradients see a particle, in units of SphSites, and its h.
+struct alignas(16) SphSite {
+  std::int32_t x, y, z;
+  float smoothing_length_m;
+};
+
+/// What gradients are computed from, one entry per particle.
+struct SphSites {
+  const SphSite* site;
+  const float* volume;  ///< m³
+  float unit_m;         ///< a power of 2
+  float viscosity;      ///< rho alpha c, Pa s/m
+};
+
 /// What a sweep over rows reads and writes, one entry per particle.
 struct SphRows {
   const PairBlock* blocks;  ///< of row i: blocks[block_begin[i]] .. block_count[i] of them
@@ -67,16 +81,13 @@ struct SphKernels {
   void (*velocityGradient)(const SphRows& rows, std::size_t i, float* gradient);
 
   /// Fills the row of particle i from the candidates within reach.
-  /// @param position      x, y, z of each particle, m
-  /// @param smoothing     h of each particle, m; a pair takes the mean
-  /// @param viscosity     rho alpha c, Pa s/m
-  /// @param row           room for count / 8 + 1 blocks
-  /// @param sum           out: sum of the gradients, 1/m
-  /// @param moment        out: M_i, ratio, xx, yy, zz, xy, yz, zx
-  /// @return number of blocks
-  std::int32_t (*refresh)(std::size_t i, const double (*position)[3], const double* smoothing, const float* volume,
-                          float viscosity, const std::int32_t* candidates, std::size_t count, PairBlock* row,
-                          Padded3* sum, double* moment);
+  /// @param neighbour  scratch, room for count + 16
+  /// @param room       of `row`, blocks; what needs more is not computed
+  /// @param sum        out: sum of the gradients, 1/m
+  /// @param moment     out: M_i, ratio, xx, yy, zz, xy, yz, zx
+  /// @return number of blocks that the row needs
+  std::int32_t (*refresh)(const SphSites& sites, std::size_t i, const std::int32_t* candidates, std::size_t count,
+                          std::int32_t* neighbour, PairBlock* row, std::size_t room, Padded3* sum, double* moment);
 };
 
 /// @param set  one of availableInstructionSets()

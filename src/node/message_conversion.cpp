@@ -4,11 +4,9 @@
 #include <array>
 #include <cassert>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 
 #include "brash_ice_rig/node/topic_names.h"
-#include "brash_ice_rig/rig/collector.h"
 
 namespace brash_ice_rig {
 namespace {
@@ -45,44 +43,6 @@ geometry_msgs::Point makePoint(double x, double y, double z) {
   point.y = y;
   point.z = z;
   return point;
-}
-
-std_msgs::ColorRGBA makeColor(float r, float g, float b, float a) {
-  std_msgs::ColorRGBA color;
-  color.r = r;
-  color.g = g;
-  color.b = b;
-  color.a = a;
-  return color;
-}
-
-visualization_msgs::Marker makeMarker(const std_msgs::Header& header, const char* name, int type,
-                                      const std_msgs::ColorRGBA& color) {
-  visualization_msgs::Marker marker;
-  marker.header = header;
-  marker.ns = name;
-  marker.type = type;
-  marker.action = visualization_msgs::Marker::ADD;
-  marker.pose.orientation.w = 1.0;
-  marker.scale.x = marker.scale.y = marker.scale.z = 1.0;
-  marker.color = color;
-  return marker;
-}
-
-/// Eight triangles between the hub and neighbouring arm tips, in the frame of the hub.
-visualization_msgs::Marker makeNet(const std_msgs::Header& header, const CollectorConfig& collector,
-                                   const RigState& rig) {
-  auto net = makeMarker(header, "net", visualization_msgs::Marker::TRIANGLE_LIST, makeColor(1.0F, 0.45F, 0.1F, 0.55F));
-  const auto tip = [&](int arm) {
-    const Eigen::Vector3d offset = armTipOffset(collector, rig.arm_angle_rad, arm);
-    return makePoint(offset.x(), offset.y(), offset.z());
-  };
-  for (int arm = 0; arm < kArmCount; ++arm) {
-    net.points.push_back(makePoint(0.0, 0.0, 0.0));
-    net.points.push_back(tip(arm));
-    net.points.push_back(tip(arm + 1));
-  }
-  return net;
 }
 
 }  // namespace
@@ -218,42 +178,6 @@ sensor_msgs::PointCloud2 toPointCloud(const Stamp& stamp, const ParticleCloud& p
     }
   }
   return cloud;
-}
-
-visualization_msgs::MarkerArray toMarkers(const Stamp& stamp, const Scenario& scenario, const Snapshot& snapshot) {
-  using visualization_msgs::Marker;
-  visualization_msgs::MarkerArray array;
-
-  // Wider than the ice, so that a rim of open water frames the field.
-  Marker water = makeMarker(stamp.header(frames::kMap), "water", Marker::CUBE, makeColor(0.15F, 0.45F, 0.65F, 0.6F));
-  water.scale.x = 1.2 * scenario.field.length_x_m;
-  water.scale.y = 1.2 * scenario.field.length_y_m;
-  water.scale.z = 0.01;
-  array.markers.push_back(water);
-
-  array.markers.push_back(makeNet(stamp.header(frames::kCollector), scenario.collector, snapshot.rig));
-
-  // The pull of the rig on the crane: down from the load cell, 1 m for 10 kN.
-  constexpr double kMetresPerNewton = 1.0e-4;
-  const double length_m = kMetresPerNewton * snapshot.force_n;
-  Marker arrow = makeMarker(stamp.header(frames::kLoadCell), "force", Marker::ARROW, makeColor(0.9F, 0.1F, 0.1F, 1.0F));
-  arrow.scale.x = 0.12;
-  arrow.scale.y = 0.3;
-  arrow.scale.z = 0.35;
-  arrow.points.push_back(makePoint(0.0, 0.0, 0.0));
-  arrow.points.push_back(makePoint(0.0, 0.0, std::isfinite(length_m) ? -length_m : 0.0));
-  array.markers.push_back(arrow);
-
-  Marker text =
-      makeMarker(stamp.header(frames::kLoadCell), "text", Marker::TEXT_VIEW_FACING, makeColor(1.0F, 1.0F, 1.0F, 1.0F));
-  text.scale.z = 0.45;
-  text.pose.position.z = 1.2;
-  char line[96];
-  std::snprintf(line, sizeof line, "%s  t = %.1f s\n%.1f kN", stageName(snapshot.stage), snapshot.time_s,
-                1.0e-3 * snapshot.force_n);
-  text.text = line;
-  array.markers.push_back(text);
-  return array;
 }
 
 void setFlags(StatusFlags flags, SimStatus& status) {

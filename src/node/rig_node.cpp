@@ -14,6 +14,7 @@
 #include <rosgraph_msgs/Clock.h>
 #include <std_msgs/String.h>
 
+#include "brash_ice_rig/node/rig_markers.h"
 #include "brash_ice_rig/node/topic_names.h"
 #include "brash_ice_rig/system/child_process.h"
 #include "brash_ice_rig/version.h"
@@ -583,7 +584,7 @@ void RigNode::publishPoints(const Stamp& now) {
 
 void RigNode::publishMarkers(const Stamp& now, const Snapshot& snapshot) {
   if (markers_publisher_.getNumSubscribers() == 0) return;
-  markers_publisher_.publish(toMarkers(now, scenario_, snapshot));
+  markers_publisher_.publish(toMarkers(now, scenario_, snapshot, simulation_->plugOutline()));
 }
 
 void RigNode::publishStatus(WallClock::time_point now) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace brash_ice_rig {
 namespace {
@@ -22,6 +23,65 @@ constexpr double kBottomLayer = 0.65;
 
 /// Rise from which the surface counts as bulged, in spacings.
 constexpr double kBulged = 0.1;
+
+bool isAtWaterline(double z_m, double spacing_m) {
+  return std::abs(z_m) <= 0.5 * spacing_m;
+}
+
+bool isAtTop(double z_m, double top_m, double spacing_m) {
+  return z_m > top_m - spacing_m;
+}
+
+bool isBottomSite(double z_m, double bottom_m, double spacing_m) {
+  return z_m <= bottom_m + kBottomLayer * spacing_m;
+}
+
+double lowest(const std::vector<Eigen::Vector3d>& points_m) {
+  double bottom = std::numeric_limits<double>::infinity();
+  for (const Eigen::Vector3d& point : points_m) bottom = std::min(bottom, point.z());
+  return bottom;
+}
+
+double crossProduct(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+  return a.x() * b.y() - a.y() * b.x();
+}
+
+/// Andrew's monotone chain (Information Processing Letters 9, 1979, p. 216). Counter-clockwise, no point twice.
+std::vector<Eigen::Vector2d> convexHull(std::vector<Eigen::Vector2d> points) {
+  const auto before = [](const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+    return a.x() != b.x() ? a.x() < b.x() : a.y() < b.y();
+  };
+  std::sort(points.begin(), points.end(), before);
+  std::vector<Eigen::Vector2d> hull;
+  // First the lower side from left to right, then the upper side back; both end with the point where the other begins.
+  for (int side = 0; side < 2; ++side) {
+    const std::size_t first = hull.size();
+    for (const Eigen::Vector2d& point : points) {
+      while (hull.size() >= first + 2 &&
+             crossProduct(hull.back() - hull[hull.size() - 2], point - hull.back()) <= 0.0) {
+        hull.pop_back();
+      }
+      hull.push_back(point);
+    }
+    if (!hull.empty()) hull.pop_back();
+    std::reverse(points.begin(), points.end());
+  }
+  return hull;
+}
+
+/// Hull of the discs of half a spacing around the centres.
+std::vector<Eigen::Vector2d> outlineOf(const std::vector<Eigen::Vector2d>& centres_m, double spacing_m) {
+  constexpr int kCorners = 12;
+  std::vector<Eigen::Vector2d> points;
+  points.reserve(centres_m.size() * kCorners);
+  for (const Eigen::Vector2d& centre : centres_m) {
+    for (int corner = 0; corner < kCorners; ++corner) {
+      const double angle = 2.0 * kPi * corner / kCorners;
+      points.emplace_back(centre + 0.5 * spacing_m * Eigen::Vector2d(std::cos(angle), std::sin(angle)));
+    }
+  }
+  return convexHull(std::move(points));
+}
 
 void measureBulge(const std::vector<Eigen::Vector3d>& site_m, const std::vector<Eigen::Vector3d>& position_m,
                   double spacing_m, PlugSummary& plug) {
@@ -59,15 +119,14 @@ PlugSummary computePlug(const std::vector<Eigen::Vector3d>& site_m, const std::v
   }
   std::size_t at_waterline = 0, at_top = 0;
   for (const std::size_t i : raised) {
-    if (std::abs(position_m[i].z()) <= 0.5 * spacing_m) ++at_waterline;
-    if (position_m[i].z() > top - spacing_m) ++at_top;
+    if (isAtWaterline(position_m[i].z(), spacing_m)) ++at_waterline;
+    if (isAtTop(position_m[i].z(), top, spacing_m)) ++at_top;
   }
   plug.radius_at_waterline_m = discRadius(at_waterline, spacing_m);
   plug.radius_at_top_m = discRadius(at_top, spacing_m);
 
   const double reach = 0.5 * spacing_m;
-  double bottom = std::numeric_limits<double>::infinity();
-  for (const Eigen::Vector3d& site : site_m) bottom = std::min(bottom, site.z());
+  const double bottom = lowest(site_m);
   std::vector<Eigen::Vector3d> fillers, around;
   for (std::size_t i = 0; i < position_m.size(); ++i) {
     const Eigen::Vector3d& p = position_m[i];
@@ -80,7 +139,7 @@ PlugSummary computePlug(const std::vector<Eigen::Vector3d>& site_m, const std::v
   for (const std::size_t i : raised) {
     const auto fills = [&](const Eigen::Vector3d& p) { return (p - site_m[i]).squaredNorm() < reach * reach; };
     if (std::any_of(fillers.begin(), fillers.end(), fills)) ++refilled;
-    if (site_m[i].z() > bottom + kBottomLayer * spacing_m) continue;
+    if (!isBottomSite(site_m[i].z(), bottom, spacing_m)) continue;
     ++columns;
     const auto covers = [&](const Eigen::Vector3d& p) {
       return (p - site_m[i]).head<2>().squaredNorm() < reach * reach;
@@ -90,6 +149,33 @@ PlugSummary computePlug(const std::vector<Eigen::Vector3d>& site_m, const std::v
   if (columns > 0) plug.hole_cover_ratio = static_cast<double>(covered) / static_cast<double>(columns);
   plug.hole_refill_ratio = static_cast<double>(refilled) / static_cast<double>(plug.hole_sites);
   return plug;
+}
+
+PlugOutline computePlugOutline(const std::vector<Eigen::Vector3d>& site_m,
+                               const std::vector<Eigen::Vector3d>& position_m, double spacing_m, double hub_height_m) {
+  PlugOutline outline;
+  std::vector<std::size_t> raised;
+  double top = -std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < position_m.size(); ++i) {
+    if (!isRaised(site_m[i], position_m[i], spacing_m, hub_height_m)) continue;
+    raised.push_back(i);
+    top = std::max(top, position_m[i].z());
+  }
+  if (raised.empty()) return outline;
+
+  const double bottom = lowest(site_m);
+  std::vector<Eigen::Vector2d> at_waterline, at_top, in_hole;
+  for (const std::size_t i : raised) {
+    const Eigen::Vector3d& position = position_m[i];
+    if (isAtWaterline(position.z(), spacing_m)) at_waterline.emplace_back(position.head<2>());
+    if (isAtTop(position.z(), top, spacing_m)) at_top.emplace_back(position.head<2>());
+    if (isBottomSite(site_m[i].z(), bottom, spacing_m)) in_hole.emplace_back(site_m[i].head<2>());
+  }
+  outline.waterline = outlineOf(at_waterline, spacing_m);
+  outline.top = outlineOf(at_top, spacing_m);
+  outline.hole = outlineOf(in_hole, spacing_m);
+  outline.top_height_m = top;
+  return outline;
 }
 
 }  // namespace brash_ice_rig

@@ -627,6 +627,10 @@ PlugSummary Simulation::plug() const {
   return plug;
 }
 
+PlugOutline Simulation::plugOutline() const {
+  return computePlugOutline(impl_->site, impl_->ice.position(), impl_->scenario.field.spacing_m, impl_->hubHeight());
+}
+
 /// All that decides the future.
 void Simulation::Impl::visitState(StateVisitor& visitor) {
   visitor("step_count", step_count);

@@ -150,5 +150,72 @@ TEST(Plug, TopLayerIsWholeUnderTheLargestJitter) {
   EXPECT_NEAR(plug.bulge_radius_m, std::hypot(1.2, 1.2), 1e-12) << "part of the surface was left out";
 }
 
+/// Shoelace formula; > 0 if the corners run counter-clockwise.
+double area(const std::vector<Eigen::Vector2d>& polygon) {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < polygon.size(); ++i) {
+    const Eigen::Vector2d &a = polygon[i], &b = polygon[(i + 1) % polygon.size()];
+    sum += 0.5 * (a.x() * b.y() - b.x() * a.y());
+  }
+  return sum;
+}
+
+/// Area of a regular polygon with twelve corners, and of the hull of such polygons around the corners of a square: the
+/// square, four strips along its sides, and the polygon cut into its four corners.
+constexpr double kRadius = 0.5 * kSpacing;
+const double kTwelveCorners = 3.0 * kRadius * kRadius;
+double grownSquare(double side_m) {
+  return side_m * side_m + 4.0 * side_m * kRadius + kTwelveCorners;
+}
+
+TEST(PlugOutline, IsEmptyWithoutRaisedIce) {
+  const PlugOutline outline = computePlugOutline(sites(), sites(), kSpacing, kHub);
+  EXPECT_TRUE(outline.waterline.empty());
+  EXPECT_TRUE(outline.top.empty());
+  EXPECT_TRUE(outline.hole.empty());
+}
+
+TEST(PlugOutline, OfASingleParticleIsItsSection) {
+  const std::vector<Eigen::Vector3d> site = {{1.0, 2.0, -0.9}}, position = {{1.5, 2.0, 0.1}};
+  const PlugOutline outline = computePlugOutline(site, position, kSpacing, kHub);
+  EXPECT_EQ(outline.top.size(), 12u);
+  EXPECT_NEAR(area(outline.top), kTwelveCorners, 1e-12);
+  EXPECT_NEAR(area(outline.waterline), kTwelveCorners, 1e-12) << "it is at the waterline, too";
+  for (const auto& corner : outline.top) EXPECT_NEAR((corner - Eigen::Vector2d(1.5, 2.0)).norm(), kRadius, 1e-12);
+  for (const auto& corner : outline.hole) EXPECT_NEAR((corner - Eigen::Vector2d(1.0, 2.0)).norm(), kRadius, 1e-12);
+  EXPECT_DOUBLE_EQ(outline.top_height_m, 0.1);
+}
+
+TEST(PlugOutline, WaterlineTopAndHoleAreTheHullsOfTheirOwnParticles) {
+  // Of 5 x 5 columns the lower layer comes to the waterline; the upper one, of 3 x 3 columns only, rises above it.
+  const auto original = sites();
+  auto moved = original;
+  for (auto& p : moved) {
+    const double reach = p.head<2>().lpNorm<Eigen::Infinity>();
+    if (p.z() < -0.1 && reach < 2.1 * kSpacing) p.z() = 0.01;
+    if (p.z() == 0.0 && reach < 1.1 * kSpacing) p += Eigen::Vector3d(0.1, 0.0, 0.7);
+  }
+  const PlugOutline outline = computePlugOutline(original, moved, kSpacing, kHub);
+  EXPECT_NEAR(area(outline.waterline), grownSquare(4.0 * kSpacing), 1e-9);
+  EXPECT_NEAR(area(outline.top), grownSquare(2.0 * kSpacing), 1e-9);
+  EXPECT_NEAR(area(outline.hole), grownSquare(4.0 * kSpacing), 1e-9);
+  EXPECT_DOUBLE_EQ(outline.top_height_m, 0.7);
+  Eigen::Vector2d centre = Eigen::Vector2d::Zero();
+  for (const auto& corner : outline.top) centre += corner / static_cast<double>(outline.top.size());
+  EXPECT_NEAR(centre.x(), 0.1, 1e-9) << "the outline follows the particles, not their sites";
+}
+
+TEST(PlugOutline, HoleIsOnlyWhereTheBottomLayerHasGone) {
+  const auto original = sites();
+  auto moved = original;
+  for (auto& p : moved) {
+    if (p.z() == 0.0 && p.head<2>().norm() < 1.0) p.z() += 1.0;  // the upper layer alone
+  }
+  const PlugOutline outline = computePlugOutline(original, moved, kSpacing, kHub);
+  EXPECT_FALSE(outline.top.empty());
+  EXPECT_TRUE(outline.hole.empty());
+  EXPECT_TRUE(outline.waterline.empty());
+}
+
 }  // namespace
 }  // namespace brash_ice_rig

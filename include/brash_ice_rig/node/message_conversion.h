@@ -8,13 +8,11 @@
 #include <ros/time.h>
 #include <sensor_msgs/JointState.h>
 #include <sensor_msgs/PointCloud2.h>
-#include <visualization_msgs/MarkerArray.h>
 
 #include "brash_ice_rig/CraneState.h"
 #include "brash_ice_rig/ForceComponents.h"
 #include "brash_ice_rig/PlugState.h"
 #include "brash_ice_rig/SimStatus.h"
-#include "brash_ice_rig/config/scenario.h"
 #include "brash_ice_rig/simulation/snapshot.h"
 
 // From the core's structs to messages. Units and signs are those of the core; only headers are added.
@@ -44,9 +42,6 @@ sensor_msgs::JointState toJointState(const Stamp& stamp, const Snapshot& snapsho
 
 /// Unpadded points of eight float32: x y z speed pressure plastic_strain damage submerged; frame map, SI.
 sensor_msgs::PointCloud2 toPointCloud(const Stamp& stamp, const ParticleCloud& particles);
-
-/// Water plane, net, force arrow and text for rviz.
-visualization_msgs::MarkerArray toMarkers(const Stamp& stamp, const Scenario& scenario, const Snapshot& snapshot);
 
 /// Fills flags, flag_names and remedies.
 void setFlags(StatusFlags flags, SimStatus& status);

@@ -25,4 +25,11 @@ inline bool isRaised(const Eigen::Vector3d& site_m, const Eigen::Vector3d& posit
 PlugSummary computePlug(const std::vector<Eigen::Vector3d>& site_m, const std::vector<Eigen::Vector3d>& position_m,
                         double spacing_m, double particle_mass_kg, double hub_height_m);
 
+/// Outlines of the raised ice and of its hole for display; same arguments as computePlug(). Each outline is the convex
+/// hull of the particles' sections, discs of half a spacing drawn as polygons of twelve corners. Sections and hole are
+/// those of PlugSummary: within half a spacing of z = 0, less than a spacing below the highest raised particle, and the
+/// sites of the bottom layer from which particles were raised.
+PlugOutline computePlugOutline(const std::vector<Eigen::Vector3d>& site_m,
+                               const std::vector<Eigen::Vector3d>& position_m, double spacing_m, double hub_height_m);
+
 }  // namespace brash_ice_rig

@@ -59,6 +59,7 @@ class Simulation {
   Snapshot snapshot() const;
   ParticleCloud particles() const;
   PlugSummary plug() const;
+  PlugOutline plugOutline() const;
 
   /// The script has come to its end (never in manual control), or the world is frozen.
   bool finished() const;

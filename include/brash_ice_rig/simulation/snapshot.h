@@ -63,6 +63,14 @@ struct PlugSummary {
                                        ///< that has risen by more than a tenth of the spacing; 0: none has
 };
 
+/// The raised ice as seen from above. Convex polygons, counter-clockwise, x and y in frame map, m; empty without ice.
+struct PlugOutline {
+  std::vector<Eigen::Vector2d> waterline;  ///< section at z = 0
+  std::vector<Eigen::Vector2d> top;        ///< section of the highest layer
+  std::vector<Eigen::Vector2d> hole;       ///< where ice was raised from the bottom layer up
+  double top_height_m = 0.0;               ///< height of the highest raised particle over the still waterline
+};
+
 /// State at one instant. Cheap to copy; particles are fetched apart.
 struct Snapshot {
   double time_s = 0.0;  ///< 0 is the end of settling; negative before

@@ -1,0 +1,169 @@
+#include "brash_ice_rig/node/rig_markers.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "brash_ice_rig/node/topic_names.h"
+#include "brash_ice_rig/rig/collector.h"
+
+namespace brash_ice_rig {
+namespace {
+
+using visualization_msgs::Marker;
+
+constexpr double kLineHeightM = 0.42;  // of text; readable with the view of config/rviz/pull_up.rviz
+constexpr double kBarOffsetM = 0.4;    // of the bars from the pole
+constexpr double kOutlineWidthM = 0.07;
+
+geometry_msgs::Point makePoint(double x, double y, double z) {
+  geometry_msgs::Point point;
+  point.x = x;
+  point.y = y;
+  point.z = z;
+  return point;
+}
+
+std_msgs::ColorRGBA makeColor(float r, float g, float b, float a) {
+  std_msgs::ColorRGBA color;
+  color.r = r;
+  color.g = g;
+  color.b = b;
+  color.a = a;
+  return color;
+}
+
+Marker makeMarker(const std_msgs::Header& header, const char* name, int type, const std_msgs::ColorRGBA& color) {
+  Marker marker;
+  marker.header = header;
+  marker.ns = name;
+  marker.type = type;
+  marker.action = Marker::ADD;
+  marker.pose.orientation.w = 1.0;
+  marker.scale.x = marker.scale.y = marker.scale.z = 1.0;
+  marker.color = color;
+  return marker;
+}
+
+/// Eight triangles between the hub and neighbouring arm tips, in the frame of the hub.
+Marker makeNet(const std_msgs::Header& header, const CollectorConfig& collector, const RigState& rig) {
+  auto net = makeMarker(header, "net", Marker::TRIANGLE_LIST, makeColor(1.0F, 0.45F, 0.1F, 0.55F));
+  const auto tip = [&](int arm) {
+    const Eigen::Vector3d offset = armTipOffset(collector, rig.arm_angle_rad, arm);
+    return makePoint(offset.x(), offset.y(), offset.z());
+  };
+  for (int arm = 0; arm < kArmCount; ++arm) {
+    net.points.push_back(makePoint(0.0, 0.0, 0.0));
+    net.points.push_back(tip(arm));
+    net.points.push_back(tip(arm + 1));
+  }
+  return net;
+}
+
+double lengthOf(double force_n) {
+  return std::isfinite(force_n) ? kMarkerMetresPerNewton * force_n : 0.0;
+}
+
+/// Down from the load cell: the pull of the rig on the crane.
+Marker makeForceArrow(const std_msgs::Header& header, double force_n) {
+  Marker arrow = makeMarker(header, "force", Marker::ARROW, makeColor(0.9F, 0.1F, 0.1F, 1.0F));
+  arrow.scale.x = 0.12;
+  arrow.scale.y = 0.3;
+  arrow.scale.z = 0.35;
+  arrow.points.push_back(makePoint(0.0, 0.0, 0.0));
+  arrow.points.push_back(makePoint(0.0, 0.0, -lengthOf(force_n)));
+  return arrow;
+}
+
+/// One bar on the other beside the pole: those that pull down hang below the load cell, those that lift stand above.
+/// To the right of them a line of text each. rviz centres a text at its marker; blanks before it, as long as the text,
+/// put its beginning there, so that it keeps clear of the pole from every side.
+void appendComponents(const std_msgs::Header& header, const Snapshot& snapshot, std::vector<Marker>& markers) {
+  double hanging_m = 0.0, standing_m = 0.0;
+  int id = 0;
+  for (const ForcePart& part : splitTension(snapshot)) {
+    const auto color = makeColor(part.color_rgb[0], part.color_rgb[1], part.color_rgb[2], 1.0F);
+    const double length_m = lengthOf(part.force_n);
+    double& end_m = length_m >= 0.0 ? hanging_m : standing_m;
+    Marker bar = makeMarker(header, "components", Marker::CUBE, color);
+    bar.id = id;
+    bar.scale.x = bar.scale.y = 0.22;
+    bar.scale.z = std::max(std::abs(length_m), 1.0e-3);  // rviz refuses a scale of 0
+    bar.pose.position.x = kBarOffsetM;
+    bar.pose.position.z = -(end_m + 0.5 * length_m);
+    end_m += length_m;
+    markers.push_back(bar);
+
+    char line[64];
+    std::snprintf(line, sizeof line, "%s %.1f kN", part.label, 1.0e-3 * part.force_n);
+    Marker text = makeMarker(header, "components", Marker::TEXT_VIEW_FACING, color);
+    text.id = 100 + id;
+    text.scale.z = kLineHeightM;
+    text.pose.position.x = kBarOffsetM;
+    text.pose.position.z = -0.6 - 1.1 * kLineHeightM * id;
+    text.text = std::string(2 * std::char_traits<char>::length(line), ' ') + line;
+    markers.push_back(text);
+    ++id;
+  }
+}
+
+Marker makeOutline(const std_msgs::Header& header, const char* name, const std::vector<Eigen::Vector2d>& polygon,
+                   double height_m, const std_msgs::ColorRGBA& color) {
+  Marker outline = makeMarker(header, name, Marker::LINE_STRIP, color);
+  if (polygon.empty()) {
+    outline.action = Marker::DELETE;
+    return outline;
+  }
+  outline.scale.x = kOutlineWidthM;
+  for (const Eigen::Vector2d& corner : polygon) outline.points.push_back(makePoint(corner.x(), corner.y(), height_m));
+  outline.points.push_back(outline.points.front());
+  return outline;
+}
+
+}  // namespace
+
+std::array<ForcePart, 5> splitTension(const Snapshot& snapshot) {
+  const ForceBalance& part = snapshot.components;
+  return {{{"rig in water", part.weight_n - part.buoyancy_n, {0.70F, 0.72F, 0.75F}},
+           {"ice in water", part.plug_gravity_n - part.plug_buoyancy_n, {0.45F, 0.75F, 1.00F}},
+           {"friction, cohesion", part.plug_friction_n, {1.00F, 0.62F, 0.20F}},
+           {"drag", part.plug_drag_n, {0.35F, 0.85F, 0.55F}},
+           {"inertia", part.inertia_n, {0.85F, 0.55F, 0.90F}}}};
+}
+
+visualization_msgs::MarkerArray toMarkers(const Stamp& stamp, const Scenario& scenario, const Snapshot& snapshot,
+                                          const PlugOutline& plug) {
+  const auto map = stamp.header(frames::kMap);
+  const auto load_cell = stamp.header(frames::kLoadCell);
+  visualization_msgs::MarkerArray array;
+
+  // Wider than the ice, so that a rim of open water frames the field.
+  Marker water = makeMarker(map, "water", Marker::CUBE, makeColor(0.15F, 0.45F, 0.65F, 0.6F));
+  water.scale.x = 1.2 * scenario.field.length_x_m;
+  water.scale.y = 1.2 * scenario.field.length_y_m;
+  water.scale.z = 0.01;
+  array.markers.push_back(water);
+  array.markers.push_back(makeNet(stamp.header(frames::kCollector), scenario.collector, snapshot.rig));
+
+  array.markers.push_back(makeForceArrow(load_cell, snapshot.force_n));
+  appendComponents(load_cell, snapshot, array.markers);
+  Marker text = makeMarker(load_cell, "text", Marker::TEXT_VIEW_FACING, makeColor(1.0F, 1.0F, 1.0F, 1.0F));
+  text.scale.z = kLineHeightM;
+  text.pose.position.z = 1.2;
+  char line[96];
+  std::snprintf(line, sizeof line, "%s  t = %.1f s\n%.1f kN", stageName(snapshot.stage), snapshot.time_s,
+                1.0e-3 * snapshot.force_n);
+  text.text = line;
+  array.markers.push_back(text);
+
+  array.markers.push_back(makeOutline(map, "plug_waterline", plug.waterline, 0.0, makeColor(0.1F, 0.9F, 0.9F, 1.0F)));
+  array.markers.push_back(makeOutline(map, "plug_top", plug.top, plug.top_height_m, makeColor(1.0F, 0.9F, 0.1F, 1.0F)));
+  // On the undisturbed ice, which would hide it at the waterline.
+  const double ice_top_m = latticeThickness(scenario.field) - iceDraft(scenario) + kOutlineWidthM;
+  array.markers.push_back(makeOutline(map, "hole", plug.hole, ice_top_m, makeColor(0.95F, 0.2F, 0.3F, 1.0F)));
+  return array;
+}
+
+}  // namespace brash_ice_rig

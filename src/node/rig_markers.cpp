@@ -77,9 +77,26 @@ Marker makeForceArrow(const std_msgs::Header& header, double force_n) {
   return arrow;
 }
 
+/// A text that begins to the right of its marker, as seen from any side. rviz centres the longest line of a text at the
+/// marker and begins the others below its beginning: the longest is a line of blanks here.
+std::string beginRight(const std::string& text) {
+  constexpr std::size_t kHalf = 20, kGap = 3;
+  return std::string(2 * kHalf, ' ') + "\n" + std::string(kHalf + kGap, ' ') + text;
+}
+
+/// Line number `row` to the right of the pole.
+Marker makeLine(const std_msgs::Header& load_cell, const char* name, int row, const std::string& text,
+                const std_msgs::ColorRGBA& color) {
+  Marker line = makeMarker(load_cell, name, Marker::TEXT_VIEW_FACING, color);
+  line.id = 1 + row;
+  line.scale.z = kLineHeightM;
+  line.pose.position.z = -1.1 * kLineHeightM * row;
+  line.text = beginRight(text);
+  return line;
+}
+
 /// One bar on the other beside the pole: those that pull down hang below the load cell, those that lift stand above.
-/// To the right of them a line of text each. rviz centres a text at its marker; blanks before it, as long as the text,
-/// put its beginning there, so that it keeps clear of the pole from every side.
+/// To the right of them a line of text each.
 void appendComponents(const std_msgs::Header& header, const Snapshot& snapshot, std::vector<Marker>& markers) {
   double hanging_m = 0.0, standing_m = 0.0;
   int id = 0;
@@ -88,7 +105,7 @@ void appendComponents(const std_msgs::Header& header, const Snapshot& snapshot, 
     const double length_m = lengthOf(part.force_n);
     double& end_m = length_m >= 0.0 ? hanging_m : standing_m;
     Marker bar = makeMarker(header, "components", Marker::CUBE, color);
-    bar.id = id;
+    bar.id = 100 + id;
     bar.scale.x = bar.scale.y = 0.22;
     bar.scale.z = std::max(std::abs(length_m), 1.0e-3);  // rviz refuses a scale of 0
     bar.pose.position.x = kBarOffsetM;
@@ -96,30 +113,37 @@ void appendComponents(const std_msgs::Header& header, const Snapshot& snapshot, 
     end_m += length_m;
     markers.push_back(bar);
 
-    char line[64];
-    std::snprintf(line, sizeof line, "%s %.1f kN", part.label, 1.0e-3 * part.force_n);
-    Marker text = makeMarker(header, "components", Marker::TEXT_VIEW_FACING, color);
-    text.id = 100 + id;
-    text.scale.z = kLineHeightM;
-    text.pose.position.x = kBarOffsetM;
-    text.pose.position.z = -0.6 - 1.1 * kLineHeightM * id;
-    text.text = std::string(2 * std::char_traits<char>::length(line), ' ') + line;
-    markers.push_back(text);
+    char text[64];
+    const double tenths_kn = std::round(1.0e-2 * part.force_n) + 0.0;  // + 0: no "-0.0"
+    std::snprintf(text, sizeof text, "%s %.1f kN", part.label, 0.1 * tenths_kn);
+    markers.push_back(makeLine(header, "components", id, text, color));
     ++id;
   }
 }
 
-Marker makeOutline(const std_msgs::Header& header, const char* name, const std::vector<Eigen::Vector2d>& polygon,
-                   double height_m, const std_msgs::ColorRGBA& color) {
-  Marker outline = makeMarker(header, name, Marker::LINE_STRIP, color);
-  if (polygon.empty()) {
-    outline.action = Marker::DELETE;
-    return outline;
+/// The outline and its name, which is a line of text of its colour; both are deleted where there is no such outline.
+struct Outline {
+  const char* name;  ///< namespace of its markers
+  const char* label;
+  const std::vector<Eigen::Vector3d>& polygon;
+  std_msgs::ColorRGBA color;
+};
+
+void appendOutline(const std_msgs::Header& map, const std_msgs::Header& load_cell, const Outline& outline, int row,
+                   std::vector<Marker>& markers) {
+  Marker line = makeMarker(map, outline.name, Marker::LINE_STRIP, outline.color);
+  Marker label = makeLine(load_cell, outline.name, row, outline.label, outline.color);
+  if (outline.polygon.empty()) {
+    line.action = label.action = Marker::DELETE;
+  } else {
+    line.scale.x = kOutlineWidthM;
+    for (const Eigen::Vector3d& corner : outline.polygon) {
+      line.points.push_back(makePoint(corner.x(), corner.y(), corner.z() + 0.5 * kOutlineWidthM));
+    }
+    line.points.push_back(line.points.front());
   }
-  outline.scale.x = kOutlineWidthM;
-  for (const Eigen::Vector2d& corner : polygon) outline.points.push_back(makePoint(corner.x(), corner.y(), height_m));
-  outline.points.push_back(outline.points.front());
-  return outline;
+  markers.push_back(line);
+  markers.push_back(label);
 }
 
 }  // namespace
@@ -158,11 +182,13 @@ visualization_msgs::MarkerArray toMarkers(const Stamp& stamp, const Scenario& sc
   text.text = line;
   array.markers.push_back(text);
 
-  array.markers.push_back(makeOutline(map, "plug_waterline", plug.waterline, 0.0, makeColor(0.1F, 0.9F, 0.9F, 1.0F)));
-  array.markers.push_back(makeOutline(map, "plug_top", plug.top, plug.top_height_m, makeColor(1.0F, 0.9F, 0.1F, 1.0F)));
-  // On the undisturbed ice, which would hide it at the waterline.
-  const double ice_top_m = latticeThickness(scenario.field) - iceDraft(scenario) + kOutlineWidthM;
-  array.markers.push_back(makeOutline(map, "hole", plug.hole, ice_top_m, makeColor(0.95F, 0.2F, 0.3F, 1.0F)));
+  int row = static_cast<int>(splitTension(snapshot).size());
+  for (const Outline& outline :
+       {Outline{"plug_top", "plug, top", plug.top, makeColor(1.0F, 0.9F, 0.1F, 1.0F)},
+        Outline{"plug_waterline", "plug, waterline", plug.waterline, makeColor(0.0F, 0.75F, 0.9F, 1.0F)},
+        Outline{"hole", "hole", plug.hole, makeColor(0.95F, 0.2F, 0.3F, 1.0F)}}) {
+    appendOutline(map, load_cell, outline, row++, array.markers);
+  }
   return array;
 }
 

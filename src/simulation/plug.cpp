@@ -69,8 +69,39 @@ std::vector<Eigen::Vector2d> convexHull(std::vector<Eigen::Vector2d> points) {
   return hull;
 }
 
-/// Hull of the discs of half a spacing around the centres.
-std::vector<Eigen::Vector2d> outlineOf(const std::vector<Eigen::Vector2d>& centres_m, double spacing_m) {
+/// Lifts a polygon onto the highest particle near it, if that lies over z = 0.
+void layOnto(const std::vector<Eigen::Vector3d>& particles_m, double spacing_m,
+             std::vector<Eigen::Vector3d>& polygon_m) {
+  const double reach = 0.75 * spacing_m;  // some column of a lattice lies within 0.71 spacings
+  double height = 0.0;
+  for (const Eigen::Vector3d& particle : particles_m) {
+    const double top = particle.z() + 0.5 * spacing_m;
+    if (top <= height) continue;
+    const auto is_near = [&](const Eigen::Vector3d& corner) {
+      return (particle - corner).head<2>().squaredNorm() <= reach * reach;
+    };
+    if (std::any_of(polygon_m.begin(), polygon_m.end(), is_near)) height = top;
+  }
+  for (Eigen::Vector3d& corner : polygon_m) corner.z() = height;
+}
+
+/// The polygon with corners in between, so that none is farther than a spacing from the next; z is 0.
+std::vector<Eigen::Vector3d> subdivide(const std::vector<Eigen::Vector2d>& polygon_m, double spacing_m) {
+  std::vector<Eigen::Vector3d> corners;
+  for (std::size_t i = 0; i < polygon_m.size(); ++i) {
+    const Eigen::Vector2d& from = polygon_m[i];
+    const Eigen::Vector2d side = polygon_m[(i + 1) % polygon_m.size()] - from;
+    const double parts = std::max(1.0, std::ceil(side.norm() / spacing_m));
+    for (double part = 0.0; part < parts; ++part) {
+      const Eigen::Vector2d corner = from + part / parts * side;
+      corners.emplace_back(corner.x(), corner.y(), 0.0);
+    }
+  }
+  return corners;
+}
+
+/// Hull of the discs of half a spacing around the centres; z is 0.
+std::vector<Eigen::Vector3d> outlineOf(const std::vector<Eigen::Vector2d>& centres_m, double spacing_m) {
   constexpr int kCorners = 12;
   std::vector<Eigen::Vector2d> points;
   points.reserve(centres_m.size() * kCorners);
@@ -80,7 +111,7 @@ std::vector<Eigen::Vector2d> outlineOf(const std::vector<Eigen::Vector2d>& centr
       points.emplace_back(centre + 0.5 * spacing_m * Eigen::Vector2d(std::cos(angle), std::sin(angle)));
     }
   }
-  return convexHull(std::move(points));
+  return subdivide(convexHull(std::move(points)), spacing_m);
 }
 
 void measureBulge(const std::vector<Eigen::Vector3d>& site_m, const std::vector<Eigen::Vector3d>& position_m,
@@ -155,11 +186,15 @@ PlugOutline computePlugOutline(const std::vector<Eigen::Vector3d>& site_m,
                                const std::vector<Eigen::Vector3d>& position_m, double spacing_m, double hub_height_m) {
   PlugOutline outline;
   std::vector<std::size_t> raised;
+  std::vector<Eigen::Vector3d> left_behind;
   double top = -std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < position_m.size(); ++i) {
-    if (!isRaised(site_m[i], position_m[i], spacing_m, hub_height_m)) continue;
-    raised.push_back(i);
-    top = std::max(top, position_m[i].z());
+    if (isRaised(site_m[i], position_m[i], spacing_m, hub_height_m)) {
+      raised.push_back(i);
+      top = std::max(top, position_m[i].z());
+    } else {
+      left_behind.push_back(position_m[i]);
+    }
   }
   if (raised.empty()) return outline;
 
@@ -174,7 +209,8 @@ PlugOutline computePlugOutline(const std::vector<Eigen::Vector3d>& site_m,
   outline.waterline = outlineOf(at_waterline, spacing_m);
   outline.top = outlineOf(at_top, spacing_m);
   outline.hole = outlineOf(in_hole, spacing_m);
-  outline.top_height_m = top;
+  for (Eigen::Vector3d& corner : outline.top) corner.z() = top;
+  for (auto* polygon : {&outline.waterline, &outline.hole}) layOnto(left_behind, spacing_m, *polygon);
   return outline;
 }
 

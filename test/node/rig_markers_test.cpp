@@ -1,7 +1,9 @@
 #include "brash_ice_rig/node/rig_markers.h"
 
 #include <cmath>
+#include <iterator>
 #include <limits>
+#include <set>
 #include <string>
 
 #include <gtest/gtest.h>
@@ -33,10 +35,9 @@ Snapshot makeSnapshot() {
 
 PlugOutline makePlug() {
   PlugOutline plug;
-  plug.waterline = {{1.0, 0.0}, {0.0, 1.0}, {-1.0, 0.0}, {0.0, -1.0}};
-  plug.top = {{0.5, 0.0}, {0.0, 0.5}, {-0.5, -0.5}};
-  plug.hole = {{2.0, 0.0}, {0.0, 2.0}, {-2.0, 0.0}};
-  plug.top_height_m = 1.25;
+  plug.waterline = {{1.0, 0.0, 0.0}, {0.0, 1.0, 0.3}, {-1.0, 0.0, 0.0}, {0.0, -1.0, 0.0}};
+  plug.top = {{0.5, 0.0, 1.25}, {0.0, 0.5, 1.25}, {-0.5, -0.5, 1.25}};
+  plug.hole = {{2.0, 0.0, 0.1}, {0.0, 2.0, 0.1}, {-2.0, 0.0, 0.1}};
   return plug;
 }
 
@@ -85,7 +86,7 @@ TEST(RigMarkers, BarsHangInAStackAndLiftingPartsStandAbove) {
   double hanging_to_m = 0.0, standing_to_m = 0.0;
   const auto parts = splitTension(makeSnapshot());
   for (int id = 0; id < static_cast<int>(parts.size()); ++id) {
-    const Marker& bar = find(array, "components", id);
+    const Marker& bar = find(array, "components", 100 + id);
     const double length_m = kMarkerMetresPerNewton * std::abs(parts[static_cast<std::size_t>(id)].force_n);
     EXPECT_NEAR(bar.scale.z, length_m, 1e-12);
     if (parts[static_cast<std::size_t>(id)].force_n > 0.0) {
@@ -101,37 +102,47 @@ TEST(RigMarkers, BarsHangInAStackAndLiftingPartsStandAbove) {
 
 TEST(RigMarkers, EachBarHasALineOfItsColourAndValue) {
   const MarkerArray array = makeMarkers(makeSnapshot(), {});
-  const Marker& ice = find(array, "components", 101);
-  EXPECT_EQ(ice.color.b, find(array, "components", 1).color.b);
+  const Marker& ice = find(array, "components", 2);
+  EXPECT_EQ(ice.color.b, find(array, "components", 101).color.b);
   EXPECT_NE(ice.text.find("ice in water 8.0 kN"), std::string::npos) << ice.text;
-  EXPECT_NE(find(array, "components", 104).text.find("-0.5 kN"), std::string::npos);
-  for (int id = 101; id < 105; ++id) {
-    EXPECT_GE(find(array, "components", id - 1).pose.position.z - find(array, "components", id).pose.position.z,
-              ice.scale.z)
-        << "lines do not overlap";
+  EXPECT_NE(find(array, "components", 5).text.find("-0.5 kN"), std::string::npos);
+}
+
+TEST(RigMarkers, LinesOfTextDoNotOverlap) {
+  const MarkerArray array = makeMarkers(makeSnapshot(), makePlug());
+  std::set<double> heights;
+  double height = 0.0;
+  for (const Marker& marker : array.markers) {
+    if (marker.type != Marker::TEXT_VIEW_FACING || marker.ns == "text") continue;
+    heights.insert(marker.pose.position.z);
+    height = marker.scale.z;
+  }
+  ASSERT_EQ(heights.size(), 8u);
+  for (auto line = heights.begin(); std::next(line) != heights.end(); ++line) {
+    EXPECT_GE(*std::next(line) - *line, height);
   }
 }
 
-TEST(RigMarkers, OutlinesAreClosedAndLieAtTheirHeights) {
+TEST(RigMarkers, OutlinesAreClosedAndLieOnTheirCorners) {
   const MarkerArray array = makeMarkers(makeSnapshot(), makePlug());
   const Marker& waterline = find(array, "plug_waterline");
   EXPECT_EQ(waterline.header.frame_id, "east/map");
   ASSERT_EQ(waterline.points.size(), 5u);
   EXPECT_EQ(waterline.points.front().x, waterline.points.back().x);
   EXPECT_EQ(waterline.points.front().y, waterline.points.back().y);
-  for (const auto& point : waterline.points) EXPECT_EQ(point.z, 0.0);
-  for (const auto& point : find(array, "plug_top").points) EXPECT_EQ(point.z, 1.25);
-  // The ice of B-1 stands 0.12 m out of the water, and hides what lies lower.
-  for (const auto& point : find(array, "hole").points) {
-    EXPECT_GT(point.z, 0.12);
-    EXPECT_LT(point.z, 0.12 + 0.1);
-  }
+  EXPECT_EQ(waterline.points[1].y, 1.0);
+  // The line's lower edge lies on the corner.
+  EXPECT_NEAR(waterline.points[1].z, 0.3 + 0.5 * waterline.scale.x, 1e-12);
+  for (const auto& point : find(array, "plug_top").points) EXPECT_NEAR(point.z, 1.25, 0.1);
+  EXPECT_EQ(find(array, "hole").points.size(), 4u);
 }
 
 TEST(RigMarkers, PlugThatIsGoneIsDeleted) {
   for (const char* name : {"plug_waterline", "plug_top", "hole"}) {
     EXPECT_EQ(find(makeMarkers(makeSnapshot(), makePlug()), name).action, Marker::ADD) << name;
-    EXPECT_EQ(find(makeMarkers(makeSnapshot(), {}), name).action, Marker::DELETE) << name;
+    for (const int id : {0, name == std::string("plug_top") ? 6 : name == std::string("plug_waterline") ? 7 : 8}) {
+      EXPECT_EQ(find(makeMarkers(makeSnapshot(), {}), name, id).action, Marker::DELETE) << name << ' ' << id;
+    }
   }
 }
 

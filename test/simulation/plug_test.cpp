@@ -151,10 +151,10 @@ TEST(Plug, TopLayerIsWholeUnderTheLargestJitter) {
 }
 
 /// Shoelace formula; > 0 if the corners run counter-clockwise.
-double area(const std::vector<Eigen::Vector2d>& polygon) {
+double area(const std::vector<Eigen::Vector3d>& polygon) {
   double sum = 0.0;
   for (std::size_t i = 0; i < polygon.size(); ++i) {
-    const Eigen::Vector2d &a = polygon[i], &b = polygon[(i + 1) % polygon.size()];
+    const Eigen::Vector3d &a = polygon[i], &b = polygon[(i + 1) % polygon.size()];
     sum += 0.5 * (a.x() * b.y() - b.x() * a.y());
   }
   return sum;
@@ -181,9 +181,13 @@ TEST(PlugOutline, OfASingleParticleIsItsSection) {
   EXPECT_EQ(outline.top.size(), 12u);
   EXPECT_NEAR(area(outline.top), kTwelveCorners, 1e-12);
   EXPECT_NEAR(area(outline.waterline), kTwelveCorners, 1e-12) << "it is at the waterline, too";
-  for (const auto& corner : outline.top) EXPECT_NEAR((corner - Eigen::Vector2d(1.5, 2.0)).norm(), kRadius, 1e-12);
-  for (const auto& corner : outline.hole) EXPECT_NEAR((corner - Eigen::Vector2d(1.0, 2.0)).norm(), kRadius, 1e-12);
-  EXPECT_DOUBLE_EQ(outline.top_height_m, 0.1);
+  for (const auto& corner : outline.top) {
+    EXPECT_NEAR((corner - Eigen::Vector3d(1.5, 2.0, 0.1)).norm(), kRadius, 1e-12) << "at the particle's height";
+  }
+  for (const auto& corner : outline.hole) {
+    EXPECT_NEAR((corner - Eigen::Vector3d(1.0, 2.0, 0.0)).norm(), kRadius, 1e-12) << "on the water";
+  }
+  for (const auto& corner : outline.waterline) EXPECT_EQ(corner.z(), 0.0);
 }
 
 TEST(PlugOutline, WaterlineTopAndHoleAreTheHullsOfTheirOwnParticles) {
@@ -199,10 +203,27 @@ TEST(PlugOutline, WaterlineTopAndHoleAreTheHullsOfTheirOwnParticles) {
   EXPECT_NEAR(area(outline.waterline), grownSquare(4.0 * kSpacing), 1e-9);
   EXPECT_NEAR(area(outline.top), grownSquare(2.0 * kSpacing), 1e-9);
   EXPECT_NEAR(area(outline.hole), grownSquare(4.0 * kSpacing), 1e-9);
-  EXPECT_DOUBLE_EQ(outline.top_height_m, 0.7);
-  Eigen::Vector2d centre = Eigen::Vector2d::Zero();
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();
   for (const auto& corner : outline.top) centre += corner / static_cast<double>(outline.top.size());
   EXPECT_NEAR(centre.x(), 0.1, 1e-9) << "the outline follows the particles, not their sites";
+  EXPECT_NEAR(centre.z(), 0.7, 1e-9);
+}
+
+TEST(PlugOutline, CornersAreASpacingApartAtMostAndLieOnTheIceThatIsLeft) {
+  // Around a plug of 7 x 7 columns the ice has risen by 0.2 m on one side, too little to count as raised.
+  const auto original = sites();
+  auto moved = original;
+  for (auto& p : moved) {
+    const bool plug = p.head<2>().lpNorm<Eigen::Infinity>() < 3.1 * kSpacing;
+    p.z() += plug ? 1.0 : p.x() > 0.0 ? 0.2 : 0.0;
+  }
+  const auto hole = computePlugOutline(original, moved, kSpacing, kHub).hole;
+  ASSERT_FALSE(hole.empty());
+  EXPECT_NEAR(area(hole), grownSquare(6.0 * kSpacing), 1e-9);
+  for (std::size_t i = 0; i < hole.size(); ++i) {
+    EXPECT_LE((hole[(i + 1) % hole.size()] - hole[i]).norm(), kSpacing + 1e-12);
+    EXPECT_NEAR(hole[i].z(), 0.2 + kRadius, 1e-12);
+  }
 }
 
 TEST(PlugOutline, HoleIsOnlyWhereTheBottomLayerHasGone) {

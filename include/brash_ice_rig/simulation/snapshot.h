@@ -63,12 +63,13 @@ struct PlugSummary {
                                        ///< that has risen by more than a tenth of the spacing; 0: none has
 };
 
-/// The raised ice as seen from above. Convex polygons, counter-clockwise, x and y in frame map, m; empty without ice.
+/// The raised ice for display. Horizontal convex polygons, counter-clockwise from above, with corners at most one
+/// particle spacing apart; frame map, m; empty without ice. Waterline and hole lie on the highest ice that is left
+/// around them, at least at z = 0, for lower down it would hide them.
 struct PlugOutline {
-  std::vector<Eigen::Vector2d> waterline;  ///< section at z = 0
-  std::vector<Eigen::Vector2d> top;        ///< section of the highest layer
-  std::vector<Eigen::Vector2d> hole;       ///< where ice was raised from the bottom layer up
-  double top_height_m = 0.0;               ///< height of the highest raised particle over the still waterline
+  std::vector<Eigen::Vector3d> waterline;  ///< section at z = 0
+  std::vector<Eigen::Vector3d> top;   ///< section of the highest layer, at the height of the highest raised particle
+  std::vector<Eigen::Vector3d> hole;  ///< where ice was raised from the bottom layer up
 };
 
 /// State at one instant. Cheap to copy; particles are fetched apart.

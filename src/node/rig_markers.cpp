@@ -77,21 +77,20 @@ Marker makeForceArrow(const std_msgs::Header& header, double force_n) {
   return arrow;
 }
 
-/// A text that begins to the right of its marker, as seen from any side. rviz centres the longest line of a text at the
-/// marker and begins the others below its beginning: the longest is a line of blanks here.
-std::string beginRight(const std::string& text) {
-  constexpr std::size_t kHalf = 20, kGap = 3;
-  return std::string(2 * kHalf, ' ') + "\n" + std::string(kHalf + kGap, ' ') + text;
-}
+/// Where a line of text begins, in blanks to the right of the pole (a blank is half as wide as a line is high).
+constexpr int kRightOfPole = 3, kLeftOfPole = -14;
 
-/// Line number `row` to the right of the pole.
-Marker makeLine(const std_msgs::Header& load_cell, const char* name, int row, const std::string& text,
+/// A line of text beside the pole, as seen from any side. rviz centres the longest line of a text at the marker, and
+/// lets the others begin where that one begins: the longest is a line of blanks here.
+Marker makeLine(const std_msgs::Header& load_cell, const char* name, int row, int begin, const std::string& text,
                 const std_msgs::ColorRGBA& color) {
+  constexpr int kHalf = 20;
+  const auto blanks = [](int count) { return std::string(static_cast<std::size_t>(count), ' '); };
   Marker line = makeMarker(load_cell, name, Marker::TEXT_VIEW_FACING, color);
   line.id = 1 + row;
   line.scale.z = kLineHeightM;
   line.pose.position.z = -1.1 * kLineHeightM * row;
-  line.text = beginRight(text);
+  line.text = blanks(2 * kHalf) + "\n" + blanks(kHalf + begin) + text;
   return line;
 }
 
@@ -116,7 +115,7 @@ void appendComponents(const std_msgs::Header& header, const Snapshot& snapshot, 
     char text[64];
     const double tenths_kn = std::round(1.0e-2 * part.force_n) + 0.0;  // + 0: no "-0.0"
     std::snprintf(text, sizeof text, "%s %.1f kN", part.label, 0.1 * tenths_kn);
-    markers.push_back(makeLine(header, "components", id, text, color));
+    markers.push_back(makeLine(header, "components", id, kRightOfPole, text, color));
     ++id;
   }
 }
@@ -132,7 +131,7 @@ struct Outline {
 void appendOutline(const std_msgs::Header& map, const std_msgs::Header& load_cell, const Outline& outline, int row,
                    std::vector<Marker>& markers) {
   Marker line = makeMarker(map, outline.name, Marker::LINE_STRIP, outline.color);
-  Marker label = makeLine(load_cell, outline.name, row, outline.label, outline.color);
+  Marker label = makeLine(load_cell, outline.name, row, kLeftOfPole, outline.label, outline.color);
   if (outline.polygon.empty()) {
     line.action = label.action = Marker::DELETE;
   } else {
@@ -182,7 +181,7 @@ visualization_msgs::MarkerArray toMarkers(const Stamp& stamp, const Scenario& sc
   text.text = line;
   array.markers.push_back(text);
 
-  int row = static_cast<int>(splitTension(snapshot).size());
+  int row = 0;
   for (const Outline& outline :
        {Outline{"plug_top", "plug, top", plug.top, makeColor(1.0F, 0.9F, 0.1F, 1.0F)},
         Outline{"plug_waterline", "plug, waterline", plug.waterline, makeColor(0.0F, 0.75F, 0.9F, 1.0F)},

@@ -110,16 +110,17 @@ TEST(RigMarkers, EachBarHasALineOfItsColourAndValue) {
 
 TEST(RigMarkers, LinesOfTextDoNotOverlap) {
   const MarkerArray array = makeMarkers(makeSnapshot(), makePlug());
-  std::set<double> heights;
+  std::set<double> left, right;
   double height = 0.0;
   for (const Marker& marker : array.markers) {
     if (marker.type != Marker::TEXT_VIEW_FACING || marker.ns == "text") continue;
-    heights.insert(marker.pose.position.z);
+    (marker.ns == "components" ? right : left).insert(marker.pose.position.z);
     height = marker.scale.z;
   }
-  ASSERT_EQ(heights.size(), 8u);
-  for (auto line = heights.begin(); std::next(line) != heights.end(); ++line) {
-    EXPECT_GE(*std::next(line) - *line, height);
+  EXPECT_EQ(left.size(), 3u);
+  EXPECT_EQ(right.size(), 5u);
+  for (const auto& side : {left, right}) {
+    for (auto line = side.begin(); std::next(line) != side.end(); ++line) EXPECT_GE(*std::next(line) - *line, height);
   }
 }
 
@@ -140,7 +141,7 @@ TEST(RigMarkers, OutlinesAreClosedAndLieOnTheirCorners) {
 TEST(RigMarkers, PlugThatIsGoneIsDeleted) {
   for (const char* name : {"plug_waterline", "plug_top", "hole"}) {
     EXPECT_EQ(find(makeMarkers(makeSnapshot(), makePlug()), name).action, Marker::ADD) << name;
-    for (const int id : {0, name == std::string("plug_top") ? 6 : name == std::string("plug_waterline") ? 7 : 8}) {
+    for (const int id : {0, name == std::string("plug_top") ? 1 : name == std::string("plug_waterline") ? 2 : 3}) {
       EXPECT_EQ(find(makeMarkers(makeSnapshot(), {}), name, id).action, Marker::DELETE) << name << ' ' << id;
     }
   }

@@ -3,7 +3,7 @@
 #include <memory>
 #include <string>
 
-#include <spawn.h>
+#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -38,14 +38,16 @@ bool waitInGui(const std::function<bool()>& condition, double timeout_s = 15.0) 
       timeout_s);
 }
 
-/// The node in a process of its own.
+/// The node in a process of its own, which ends with the test, however that ends.
 class Node {
  public:
-  Node() {
-    char name[] = "__ns:=/east";
-    char program[] = RIG_NODE;
-    char* const arguments[] = {program, name, nullptr};
-    if (posix_spawn(&pid_, program, nullptr, nullptr, arguments, environ) != 0) pid_ = -1;
+  explicit Node(const std::string& name_space) {
+    const std::string remap = "__ns:=" + name_space;
+    pid_ = fork();
+    if (pid_ != 0) return;
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    execl(RIG_NODE, RIG_NODE, remap.c_str(), nullptr);
+    _exit(127);
   }
   ~Node() { end(SIGTERM); }
 
@@ -63,7 +65,7 @@ class Node {
 class PanelTest : public testing::Test {
  protected:
   static void SetUpTestSuite() {
-    node_ = std::make_unique<Node>();
+    node_ = std::make_unique<Node>("/east");
     loader_ = std::make_unique<pluginlib::ClassLoader<rviz::Panel>>("rviz", "rviz::Panel");
   }
   static void TearDownTestSuite() { node_.reset(); }
@@ -80,7 +82,10 @@ class PanelTest : public testing::Test {
     ASSERT_TRUE(waitInGui([&] { return text("head").contains("manual") && button("reset")->isEnabled(); }, 30.0));
     button("reset")->click();
     ASSERT_TRUE(waitInGui([&] { return answer().startsWith("reset: back at the start"); })) << answer().toStdString();
-    ASSERT_TRUE(waitInGui([&] { return !crane_.messages.empty(); }));
+    ASSERT_TRUE(waitInGui([&] {
+      return !crane_.messages.empty() && !status_.messages.empty() && status_.messages.back().stage == "manual" &&
+             text("head").contains("manual");
+    }));
   }
 
   template <class Widget>
@@ -179,6 +184,25 @@ TEST_F(PanelTest, PauseStepAndResumeCallTheNode) {
   EXPECT_TRUE(waitInGui([&] { return !status_.messages.back().paused; }));
 }
 
+TEST_F(PanelTest, StageButtonRunsTheScriptToThatStageAndPauses) {
+  for (const char* stage : {"stage_lift", "stage_done"}) {
+    EXPECT_FALSE(button(stage)->isEnabled()) << "no script here";
+  }
+  const Node scripted("/script");
+  Listener<SimStatus> status("/script/sim/status");
+  rviz::Config config;
+  config.mapSetValue("Namespace", "/script");
+  panel_->load(config);
+  ASSERT_TRUE(waitInGui([&] { return button("stage_lift")->isEnabled() && !status.messages.empty(); }, 30.0));
+  EXPECT_TRUE(status.messages.back().paused);
+  EXPECT_EQ(status.messages.back().stage, "settle");
+  EXPECT_FALSE(button("stage_settle")->isEnabled()) << "is there already";
+  button("stage_unfold")->click();  // this scenario has no such stage: it stops at the next one
+  EXPECT_TRUE(waitInGui([&] { return answer() == "pause: paused"; })) << answer().toStdString();
+  EXPECT_TRUE(waitInGui([&] { return status.messages.back().paused && status.messages.back().stage == "lift"; }));
+  EXPECT_LT(status.messages.back().time_s, 1.5) << "not at the end of the lift";
+}
+
 TEST_F(PanelTest, TareMakesTheReadingZeroAndThePlotBeginsAnew) {
   ASSERT_TRUE(waitInGui([&] { return text("force").contains("now 1."); })) << text("force").toStdString();
   button("tare")->click();
@@ -221,7 +245,7 @@ TEST_F(PanelTest, SurvivesTheDeathAndRestartOfTheNode) {
   node_->end(SIGKILL);
   EXPECT_TRUE(waitInGui([&] { return text("head").contains("No rig in /east"); }));
   EXPECT_FALSE(button("pause")->isEnabled());
-  node_ = std::make_unique<Node>();
+  node_ = std::make_unique<Node>("/east");
   EXPECT_TRUE(waitInGui([&] { return text("head").contains("manual"); }, 30.0));
   EXPECT_TRUE(waitInGui([&] { return text("force").contains("now"); }));
   // Services of the new node, and its crane.

@@ -7,6 +7,8 @@
 
 #include <Eigen/Core>
 
+#include "brash_ice_rig/teleop/teleop_command.h"
+
 namespace brash_ice_rig {
 
 /// What a key of the terminal means to the rig.
@@ -34,12 +36,6 @@ class KeyReader {
 
  private:
   std::string pending_;  ///< beginning of an escape sequence
-};
-
-/// What to send. Empty: nothing.
-struct TeleopCommand {
-  std::optional<Eigen::Vector3d> velocity_mps;
-  std::optional<double> fold_target;  ///< 0 folded .. 1 unfolded
 };
 
 /// Crane and fold by single keys. A terminal reports no release of a key, only its repetition while it is held down: a

@@ -21,7 +21,7 @@ struct JoyConfig {
   std::optional<JoyAxis> hoist, boom_x, boom_y;
   std::optional<std::size_t> fold_button, unfold_button;
   double dead_zone_ratio = 0.1;  ///< deflection that counts as none; what is beyond it begins at zero
-  double timeout_s = 0.3;        ///< wall time without a message after which the dead-man counts as let go
+  double timeout_s = 0.2;        ///< wall time without a message after which the dead-man counts as let go
 };
 
 /// @throws ConfigError naming file, line, key, value and rule

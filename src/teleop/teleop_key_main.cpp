@@ -87,14 +87,11 @@ class KeyTeleopProgram {
         next_send_s = now_s + kSendPeriodS;
       }
       if (now_s >= next_show_s) {
-        terminal.show(lines(static_cast<std::size_t>(terminal.width()), now_s));
+        terminal.show(lines(static_cast<std::size_t>(terminal.size().columns), now_s));
         next_show_s = now_s + kShowPeriodS;
       }
     }
     if (teleop_.moving()) send(teleop_.press(Key::kQuit, nowSeconds(), {}));
-    std::vector<std::string> last = lines(static_cast<std::size_t>(terminal.width()), nowSeconds());
-    last.emplace_back();  // the prompt goes below
-    terminal.show(last);
     // Publishing only queues: give the zero the time to leave.
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
   }
@@ -151,8 +148,8 @@ class KeyTeleopProgram {
       shown.insert(shown.end(), {"  force", "  height", "  speed", "  fold"});
     }
     shown.emplace_back();
-    shown.push_back(format("  \x1b[%sm %s \x1b[0m at %.3f m/s", teleop_.moving() ? "7" : "2",
-                           teleop_.moving() ? "MOVES" : "holds", teleop_.speed()));
+    shown.push_back(teleop_.moving() ? format("  \x1b[7m MOVES \x1b[0m at %.3f m/s", teleop_.speed())
+                                     : format("  still    a held key moves at %.3f m/s", teleop_.speed()));
     shown.emplace_back("  hold  w s or arrows up, down: hoist   a d or arrows: boom x   r f: boom y");
     shown.emplace_back("  press o c: open, close the arms   + -: speed   space: stop all   t: tare   q: quit");
     shown.push_back("  " + note_);

@@ -5,6 +5,7 @@
 #include <termios.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <system_error>
@@ -12,8 +13,8 @@
 namespace brash_ice_rig {
 namespace {
 
-constexpr char kEnter[] = "\x1b[?25l\x1b[?7l";  // no cursor, no wrapping
-constexpr char kLeave[] = "\x1b[?25h\x1b[?7h";
+constexpr char kEnter[] = "\x1b[?1049h\x1b[?25l\x1b[?7l";  // another page, no cursor, no wrapping
+constexpr char kLeave[] = "\x1b[?7h\x1b[?25h\x1b[?1049l";
 
 termios modes_before{};
 volatile std::sig_atomic_t ending_signal = 0;
@@ -85,16 +86,16 @@ std::string Terminal::read(int timeout_ms) {
 }
 
 void Terminal::show(const std::vector<std::string>& lines) {
-  std::string text = "\r";
-  if (shown_ > 1) text += "\x1b[" + std::to_string(shown_ - 1) + "A";
-  for (std::size_t i = 0; i < lines.size(); ++i) text += (i == 0 ? "\x1b[K" : "\r\n\x1b[K") + lines[i];
-  shown_ = lines.size();
-  writeAll(text);
+  const std::size_t count = std::min(lines.size(), static_cast<std::size_t>(size().rows));
+  std::string text = "\x1b[H";
+  for (std::size_t i = 0; i < count; ++i) text += (i == 0 ? "" : "\r\n") + lines[i] + "\x1b[K";
+  writeAll(text + "\x1b[J");
 }
 
-int Terminal::width() const {
+TerminalSize Terminal::size() const {
   winsize size{};
-  return ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
+  if (ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) != 0 || size.ws_col == 0 || size.ws_row == 0) return {};
+  return {size.ws_row, size.ws_col};
 }
 
 int endingSignal() {

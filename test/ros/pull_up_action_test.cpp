@@ -354,7 +354,8 @@ TEST_F(PullUpProgram, BadInputIsTwo) {
 }
 
 TEST_F(PullUpProgram, InterruptCancelsAndIsOne) {
-  const Outcome outcome = runProgram("--lift-duration 60", "timeout --signal=INT 2 ");
+  const Outcome outcome = runProgram("--lift-duration 60", "timeout --preserve-status --signal=INT 2 ");
+  EXPECT_EQ(outcome.code, 1);
   EXPECT_NE(outcome.text.find("canceled, in stage lift"), std::string::npos) << outcome.text;
   EXPECT_TRUE(joints_.waitForNew(stands));
 }

@@ -5,6 +5,11 @@
 
 namespace brash_ice_rig {
 
+/// In characters; as here if the terminal does not say.
+struct TerminalSize {
+  int rows = 24, columns = 80;
+};
+
 /// Takes single keys from the terminal, without echo and without waiting for the end of a line, while it lives. The
 /// terminal gets its modes back when this ends, also by an exception, and after SIGABRT, SIGSEGV, SIGBUS and SIGFPE.
 /// SIGINT, SIGTERM, SIGHUP and SIGQUIT are noted in endingSignal(), so that the program may end in order; suspending
@@ -22,14 +27,13 @@ class Terminal {
   /// The terminal is gone: no key will come any more.
   bool closed() const { return closed_; }
 
-  /// Shows these lines in place of those shown before. What is too long is cut at the terminal's width.
+  /// Shows these lines in place of those shown before, on a page of their own that vanishes at the end. What does not
+  /// fit is cut off at the right and at the bottom.
   void show(const std::vector<std::string>& lines);
-  /// In characters; 80 if the terminal does not say.
-  int width() const;
+  TerminalSize size() const;
 
  private:
   bool closed_ = false;
-  std::size_t shown_ = 0;
 };
 
 /// The signal that asks the program to end, or 0.

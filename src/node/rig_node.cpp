@@ -393,7 +393,7 @@ RigNode::Answer RigNode::replaceWorld(std::unique_ptr<Simulation> world, Checkpo
   }
   clock_offset_s_ = last_stamp_s + simulation_->samplePeriod() - simulation_->snapshot().time_s;
   script_done_ = false;
-  raised_ = StatusFlags();
+  raised_ = raised_since_sample_ = StatusFlags();
   if (paused_) message += ", paused";
   try {
     startRun(resumed);

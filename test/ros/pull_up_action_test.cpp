@@ -1,8 +1,10 @@
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <optional>
+#include <fstream>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -326,9 +328,8 @@ struct Outcome {
   std::string text;
 };
 
-Outcome runProgram(const std::string& arguments, const std::string& before = "timeout 60 ") {
-  // rostest's namespace and remappings are not for the program.
-  const std::string command = before + PULL_UP_PROGRAM " --ns / " + arguments + " 2>&1";
+Outcome runProgram(const std::string& arguments) {
+  const std::string command = "timeout 60 " PULL_UP_PROGRAM " --ns / " + arguments + " 2>&1";
   FILE* pipe = popen(command.c_str(), "r");
   std::string text;
   char buffer[256];
@@ -354,9 +355,21 @@ TEST_F(PullUpProgram, BadInputIsTwo) {
 }
 
 TEST_F(PullUpProgram, InterruptCancelsAndIsOne) {
-  const Outcome outcome = runProgram("--lift-duration 60", "timeout --preserve-status --signal=INT 2 ");
-  EXPECT_EQ(outcome.code, 1);
-  EXPECT_NE(outcome.text.find("canceled, in stage lift"), std::string::npos) << outcome.text;
+  const std::string log = testing::TempDir() + "pull_up_interrupted_" + std::to_string(getpid());
+  const std::string command = "exec " PULL_UP_PROGRAM " --ns / --lift-duration 60 > " + log + " 2>&1";
+  const char* const arguments[] = {"sh", "-c", command.c_str(), nullptr};
+  pid_t child = 0;
+  ASSERT_EQ(posix_spawn(&child, "/bin/sh", nullptr, nullptr, const_cast<char* const*>(arguments), environ), 0);
+  EXPECT_TRUE(lifting());
+  kill(child, SIGINT);
+  int status = -1;
+  ASSERT_EQ(waitpid(child, &status, 0), child);
+  EXPECT_TRUE(WIFEXITED(status));
+  EXPECT_EQ(WEXITSTATUS(status), 1);
+  std::ostringstream text;
+  text << std::ifstream(log).rdbuf();
+  std::remove(log.c_str());
+  EXPECT_NE(text.str().find("canceled, in stage lift"), std::string::npos) << text.str();
   EXPECT_TRUE(joints_.waitForNew(stands));
 }
 

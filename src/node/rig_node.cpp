@@ -101,8 +101,9 @@ RigNode::RigNode(const NodeOptions& options, const ros::NodeHandle& node, const 
           [this](const ros::MessageEvent<geometry_msgs::TwistStamped const>& event) { onCraneCommand(event); }));
   fold_subscriber_ = node_.subscribe<std_msgs::Float64>(
       topics::kFoldCommand, 1,
-      boost::function<void(const std_msgs::Float64::ConstPtr&)>(
-          [this](const std_msgs::Float64::ConstPtr& message) { onFoldCommand(*message); }));
+      boost::function<void(const ros::MessageEvent<std_msgs::Float64 const>&)>(
+          [this](const ros::MessageEvent<std_msgs::Float64 const>& event) { onFoldCommand(event); }));
+  pull_up_.emplace(node_, scenario_, options_.joints_rate_hz, rigForPullUp());
 
   advertiseTrigger(private_node_, services::kPause, [this] { return ask([this] { return pause(); }); });
   advertiseTrigger(private_node_, services::kResume, [this] { return ask([this] { return resume(); }); });
@@ -225,6 +226,7 @@ void RigNode::onCraneCommand(const ros::MessageEvent<geometry_msgs::TwistStamped
     command_refused_ = true;
     velocity.setZero();
   }
+  pull_up_->giveWayTo(event.getPublisherName());
   const std::lock_guard<std::mutex> lock(simulation_mutex_);
   simulation_->setCraneVelocity(velocity);
 }
@@ -239,9 +241,26 @@ std::size_t RigNode::countCommanders(const std::string& speaker) {
   return commanders_.size();
 }
 
-void RigNode::onFoldCommand(const std_msgs::Float64& message) {
+void RigNode::onFoldCommand(const ros::MessageEvent<std_msgs::Float64 const>& event) {
+  pull_up_->giveWayTo(event.getPublisherName());
   const std::lock_guard<std::mutex> lock(simulation_mutex_);
-  simulation_->setFoldTarget(message.data);
+  simulation_->setFoldTarget(event.getConstMessage()->data);
+}
+
+PullUpServer::Rig RigNode::rigForPullUp() {
+  PullUpServer::Rig rig;
+  rig.between_samples = [this](const std::function<void(const Snapshot&, const std::string&)>& work) {
+    ask([this, &work] {
+      work(simulation_->snapshot(), reasonAgainstPullUp());
+      return Answer{true, ""};
+    });
+  };
+  rig.command = [this](double hoist_speed_mps, std::optional<double> fold_target) {
+    const std::lock_guard<std::mutex> lock(simulation_mutex_);
+    simulation_->setCraneVelocity({0.0, 0.0, hoist_speed_mps});
+    if (fold_target) simulation_->setFoldTarget(*fold_target);
+  };
+  return rig;
 }
 
 RigNode::Answer RigNode::tare() {
@@ -260,6 +279,7 @@ int RigNode::run() {
     throw;
   }
   refuseRequests();
+  pull_up_->abort("the node is shutting down");
   finishRun(scenario_.procedure.control == ControlMode::kScripted && !script_done_);
   finishAutosave();
   if (plot_.valid()) plot_.wait();
@@ -365,6 +385,7 @@ RigNode::Answer RigNode::loadCheckpoint(const std::string& path) {
 /// ROS time goes on by a sample, whatever time it is in the new world.
 RigNode::Answer RigNode::replaceWorld(std::unique_ptr<Simulation> world, CheckpointReader* resumed,
                                       std::string message) {
+  pull_up_->abort("the rig was reset, or went on from a checkpoint");
   const double last_stamp_s = clock_offset_s_ + simulation_->snapshot().time_s;
   finishRun(!script_done_ && scenario_.procedure.control == ControlMode::kScripted);
   {
@@ -373,7 +394,7 @@ RigNode::Answer RigNode::replaceWorld(std::unique_ptr<Simulation> world, Checkpo
   }
   clock_offset_s_ = last_stamp_s + simulation_->samplePeriod() - simulation_->snapshot().time_s;
   script_done_ = false;
-  raised_ = StatusFlags();
+  raised_ = raised_since_sample_ = StatusFlags();
   if (paused_) message += ", paused";
   try {
     startRun(resumed);
@@ -456,6 +477,15 @@ RigNode::Answer RigNode::step(double duration_s) {
   return {done == wanted && !simulation_->frozen(), text};
 }
 
+std::string RigNode::reasonAgainstPullUp() const {
+  if (scenario_.procedure.control != ControlMode::kManual) {
+    return "procedure.control = scripted, must be manual (launch with teleop:=true): the script drives the crane";
+  }
+  if (simulation_->frozen()) return "the world is frozen by a non-finite state; call ~reset";
+  if (paused_) return "the rig is paused; call ~resume first";
+  return "";
+}
+
 void RigNode::startRun(CheckpointReader* resumed) {
   ++run_number_;
   compute_s_ = 0.0;
@@ -505,10 +535,14 @@ void RigNode::advance(std::uint64_t steps) {
   compute_s_ += secondsBetween(before, after);
   pacer_.book(duration_s, report.steps, after);
   raised_ |= report.flags;
+  if (simulation_->frozen()) pull_up_->abort(statusRemedy(StatusFlag::kNonFinite));
+  raised_since_sample_ |= report.flags;
   if (simulation_->stepCount() % steps_per_sample_ != 0 || simulation_->frozen()) return;
 
   const Snapshot snapshot = simulation_->snapshot();
   publishSample(snapshot);
+  pull_up_->update(snapshot, raised_since_sample_);
+  raised_since_sample_ = StatusFlags();
   if (!script_done_) printProgress(snapshot);
   if (snapshot.time_s > -0.5 * simulation_->samplePeriod() && snapshot.stage != Stage::kDone) {
     statistics_->add(snapshot.time_s, snapshot.force_n);
@@ -614,6 +648,7 @@ void RigNode::publishStatus(WallClock::time_point now) {
   status_.frozen = simulation_->frozen();
   setFlags(flags, status_);
   status_publisher_.publish(status_);
+  pull_up_->publishStatus();
 
   StatusFlags news;
   for (const StatusFlag flag : activeFlags(flags)) {

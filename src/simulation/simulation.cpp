@@ -547,6 +547,7 @@ Snapshot Simulation::snapshot() const {
   snapshot.rig.crane_velocity_mps = world.crane.velocity() + world.suspension.point.velocity_mps;
   snapshot.rig.commanded_velocity_mps = world.crane.commanded();
   snapshot.rig.hoist_position_m = world.hubHeight();
+  snapshot.rig.crane_hub_height_m = world.crane.position().z() - world.scenario.collector.pole_length_m;
   snapshot.rig.fold_ratio = world.collector.foldRatio();
   snapshot.rig.fold_target = world.fold_target;
   snapshot.rig.arm_angle_rad = world.collector.armAngle();

@@ -25,6 +25,7 @@
 #include "brash_ice_rig/Step.h"
 #include "brash_ice_rig/node/message_conversion.h"
 #include "brash_ice_rig/node/node_options.h"
+#include "brash_ice_rig/node/pull_up_server.h"
 #include "brash_ice_rig/node/real_time_pacer.h"
 #include "brash_ice_rig/output/run_files.h"
 #include "brash_ice_rig/output/run_summary.h"
@@ -65,13 +66,14 @@ class RigNode {
   /// lock the crane for a silent panel, or for a driver that crashed and that ROS still lists.
   /// @param speaker  name of the node that sends one now, or empty
   std::size_t countCommanders(const std::string& speaker = "");
-  void onFoldCommand(const std_msgs::Float64& message);
+  void onFoldCommand(const ros::MessageEvent<std_msgs::Float64 const>& event);
   Answer ask(std::function<Answer()> work);
   Answer tare();
   /// Runs `work` on a file that a service named, or says why the name is refused.
   Answer onCheckpointFile(const std::string& name, const std::function<Answer(const std::string& path)>& work);
   Answer saveCheckpoint(const std::string& path);
   void advertiseCheckpoint(const char* name, std::function<Answer(const std::string& path)> work);
+  PullUpServer::Rig rigForPullUp();
   void advertiseTrigger(ros::NodeHandle& node, const char* name, std::function<Answer()> work);
 
   // Simulation thread.
@@ -94,6 +96,8 @@ class RigNode {
   void finishRun(bool interrupted);
   void advance(std::uint64_t steps);
   std::uint64_t stepsToNextSample() const;
+  /// Why the action pull_up cannot begin now; empty: it can.
+  std::string reasonAgainstPullUp() const;
   bool idle() const { return paused_ || simulation_->frozen(); }
 
   Stamp stamp(double time_s) const;
@@ -145,6 +149,7 @@ class RigNode {
   double autosave_due_s_ = 0.0;
 
   StatusFlags raised_;                        ///< since the last status message
+  StatusFlags raised_since_sample_;           ///< since the last sample, for the action
   std::atomic<bool> command_refused_{false};  ///< by the node: bad frame; moves into raised_
   WallClock::time_point next_status_{};
   WallClock::time_point next_overload_log_{};
@@ -160,6 +165,7 @@ class RigNode {
   diagnostic_updater::Updater diagnostics_;
   ros::Subscriber crane_subscriber_, fold_subscriber_;
   std::vector<ros::ServiceServer> services_;
+  std::optional<PullUpServer> pull_up_;
 };
 
 }  // namespace brash_ice_rig

@@ -20,7 +20,9 @@ constexpr char kSimStatus[] = "sim/status";
 constexpr char kScenario[] = "sim/scenario";
 constexpr char kJointStates[] = "joint_states";
 constexpr char kMarkers[] = "rig/markers";
-constexpr char kClock[] = "/clock";  // absolute: ROS knows one clock only
+constexpr char kPullUp[] = "pull_up";  // an action: pull_up/goal, pull_up/feedback...
+constexpr char kJoy[] = "joy";         // of the teleoperation, not of the rig
+constexpr char kClock[] = "/clock";    // absolute: ROS knows one clock only
 }  // namespace topics
 
 namespace services {

@@ -40,8 +40,9 @@ struct RigState {
   Eigen::Vector3d crane_position_m = Eigen::Vector3d::Zero();  ///< suspension point, frame map
   Eigen::Vector3d crane_velocity_mps = Eigen::Vector3d::Zero();
   Eigen::Vector3d commanded_velocity_mps = Eigen::Vector3d::Zero();  ///< after limits
-  double hoist_position_m = 0.0;  ///< height of the hub over the still waterline, up positive
-  double fold_ratio = 1.0;        ///< 0 folded, 1 unfolded, > 1 drooping because it did not lock
+  double hoist_position_m = 0.0;    ///< height of the hub over the still waterline, up positive
+  double crane_hub_height_m = 0.0;  ///< the same without what effects add below the crane: the rope that is out
+  double fold_ratio = 1.0;          ///< 0 folded, 1 unfolded, > 1 drooping because it did not lock
   double fold_target = 1.0;
   double arm_angle_rad = 0.0;  ///< arm over the horizontal, < 0 drooping
   bool locked = true;

@@ -1,0 +1,44 @@
+#include <gtest/gtest.h>
+
+#include "brash_ice_rig/rig/pull_up_sequence.h"
+#include "brash_ice_rig/simulation/simulation.h"
+
+namespace brash_ice_rig {
+namespace {
+
+TEST(PullUpByCommand, LiftAfterSettlingHasTheBitsOfTheScript) {
+  Scenario scripted;
+  scripted.field.length_x_m = scripted.field.length_y_m = 4.8;
+  scripted.collector.radius_m = 0.7;
+  scripted.procedure.settle_duration_s = 0.5;
+  scripted.procedure.lift_speed_mps = 0.2;
+  scripted.procedure.lift_duration_s = 1.5;
+  scripted.procedure.hold_duration_s = 0.5;
+  scripted.solver.threads = 1;
+  Simulation script(scripted);
+  script.advance(3.0);
+
+  Scenario manual = scripted;
+  manual.procedure.control = ControlMode::kManual;
+  Simulation commanded(manual);
+  PullUpOrder order;
+  order.lift_speed_mps = 0.2;
+  order.lift_duration_s = 1.5;
+  order.hold_duration_s = 0.5;
+  PullUpSequence sequence(order, manual.crane, commanded.samplePeriod());
+  StatusFlags raised, all;
+  const std::uint64_t hash_at_start = commanded.stateHash();
+  while (commanded.stepCount() < script.stepCount()) {
+    const PullUpSequence::Drive drive = sequence.step(commanded.snapshot(), raised);
+    commanded.setCraneVelocity({0.0, 0.0, drive.hoist_speed_mps});
+    raised = commanded.advance(commanded.samplePeriod()).flags;
+    all |= raised;
+  }
+  EXPECT_EQ(sequence.stage(), PullUpStage::kDone);
+  EXPECT_FALSE(all.has(StatusFlag::kCommandTimeout));
+  EXPECT_NE(commanded.stateHash(), hash_at_start);
+  EXPECT_EQ(commanded.stateHash(), script.stateHash());
+}
+
+}  // namespace
+}  // namespace brash_ice_rig

@@ -365,6 +365,8 @@ int runProgram(int argc, char** argv) {
           "The brash_ice that makes the simulations, such as the one that filled the cache (default: this one)")
       ->check(CLI::ExistingFile)
       ->type_name("PROGRAM");
+  identify_command->add_flag("--screen", identify_options.input.screen_only,
+                             "A quick look: rank by what each effect does to the baseline, confirm nothing");
   identify_command->add_flag("!--no-report", identify_options.report, "Leave out report.html");
 
   std::vector<std::string> files;

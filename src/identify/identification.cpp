@@ -37,8 +37,9 @@ constexpr double kMeanWindowS = 1.0, kResidualWindowS = 4.5;
 
 // What is believed of the ice where the manifest does not say, as standard deviations.
 constexpr double kVoidSigma = 0.06, kCohesionShare = 0.5, kFrictionSigmaDeg = 5.0;
-/// Water between rim and ice at the start that nobody measured, m.
-constexpr double kGapSigmaM = 0.05;
+/// Water between rim and ice at the start that nobody measured, m: as the mean of what is believed, and how far from
+/// it. Without any, the rig would already carry ice at rest, and a cell that was zeroed there would seem to err.
+constexpr double kGapM = 0.03, kGapSigmaM = 0.04;
 
 // Unknowns of the baseline: those of the ice, which records share, then two for each record.
 constexpr Eigen::Index kIceUnknowns = 3, kOwnUnknowns = 2;
@@ -134,7 +135,7 @@ class Chain {
   double findFalls(const Model& start, std::vector<double>& times, double& log_odds) const;
   double findSwell(const Model& start, std::vector<double>& periods, double& log_odds) const;
   void locate(const Model& start, const std::string& what);
-  void confirm(std::vector<Model*> models, const std::string& what);
+  void confirm(std::vector<Model*> models, const std::string& what, int passes);
   Eigen::VectorXd clipped(const Model& model, Eigen::VectorXd x) const;
   std::optional<Eigen::VectorXd> simulated(const Model& model, const Eigen::VectorXd& x, bool request_only);
   Explanation explain(const Model& model, const Model& baseline) const;
@@ -176,6 +177,7 @@ Site Chain::makeSite(const NamedRecord& named) const {
   s.procedure.control = ControlMode::kScripted;
   s.procedure.motion_file = runs_.motionFile(site.observation().path);
   s.procedure.hold_duration_s = 0.0;
+  s.procedure.start_gap_m += kGapM;
   if (s.field.jitter_ratio == 0.0) s.field.jitter_ratio = kJitterRatio;
   // With both of these given, cohesion and friction angle would change nothing.
   s.ice.shear_constant_pa.reset();
@@ -196,7 +198,7 @@ Scenario Chain::scenarioAt(const Site& site, const Eigen::VectorXd& x, std::size
     s.ice.*ice_[k].member = std::clamp(ice_[k].prior + x[static_cast<Eigen::Index>(k)], ice_[k].low, ice_[k].high);
   }
   const Eigen::Index own = kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(index);
-  s.procedure.start_gap_m += std::max(x[own], 0.0);
+  s.procedure.start_gap_m = std::max(s.procedure.start_gap_m + x[own], 0.0);
   Eigen::Index column = unknowns();
   for (const Variant* v : variants) {
     const auto count = static_cast<Eigen::Index>(v->amplitudes.size());
@@ -393,7 +395,6 @@ LinearModel Chain::linearModel(const Model& model) const {
   for (std::size_t i = 0; i < sites_.size(); ++i) {
     const Eigen::Index gap = kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(i);
     m.prior_sigma[gap] = kGapSigmaM;
-    m.positive[static_cast<std::size_t>(gap)] = true;
     m.prior_sigma[gap + 1] = sites_[i].observation().clock_sigma_s;
   }
   Eigen::Index column = own;
@@ -554,7 +555,7 @@ Eigen::VectorXd Chain::clipped(const Model& model, Eigen::VectorXd x) const {
   }
   for (std::size_t i = 0; i < sites_.size(); ++i) {
     const Eigen::Index gap = kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(i);
-    x[gap] = std::max(x[gap], 0.0);
+    x[gap] = std::max(x[gap], -sites_[i].scenario.procedure.start_gap_m);
   }
   Eigen::Index column = unknowns();
   for (const Variant* v : model.variants) {
@@ -605,9 +606,7 @@ std::optional<Eigen::VectorXd> Chain::simulated(const Model& model, const Eigen:
 }
 
 /// Gauss-Newton with the slopes of the signatures: simulate where the fit is, and fit again around that.
-void Chain::confirm(std::vector<Model*> models, const std::string& what) {
-  // A baseline that stands alone is only drawn.
-  const int passes = models.size() > 1 || !models.front()->variants.empty() ? kPasses : 1;
+void Chain::confirm(std::vector<Model*> models, const std::string& what, int passes) {
   for (int pass = 0; pass < passes; ++pass) {
     for (Model* model : models) {
       if (model->frozen) continue;
@@ -664,7 +663,7 @@ Explanation Chain::explain(const Model& model, const Model& baseline) const {
   }
   for (std::size_t i = 0; i < sites_.size(); ++i) {
     const Eigen::Index own = kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(i);
-    e.baseline.push_back(x[own]);
+    e.baseline.push_back(sites_[i].scenario.procedure.start_gap_m + x[own]);
     e.baseline.push_back(x[own + 1]);
   }
   if (model.frozen) e.note = "the simulation with it freezes or is refused: it could not be confirmed";
@@ -697,7 +696,7 @@ void Chain::addSecondEffect(std::vector<Model>& models, const Model& baseline) {
   if (!best || score(*best) - score(first) <
                    std::max(thresholds_.second_effect, thresholds_.of(best->variants[1]->effect->name)))
     return;
-  confirm({&*best}, "two effects");
+  confirm({&*best}, "two effects", kPasses);
   if (best->simulated && score(*best) - score(first) > thresholds_.second_effect) models.insert(models.begin(), *best);
 }
 
@@ -983,9 +982,11 @@ Identification Chain::run() {
     for (const auto& v : variants_) all.push_back(v.get());
     computeSignatures(all, "what effects do");
   }
+  // Slopes are rough: the baseline is simulated where they lead before anything else is fitted around it.
   Model baseline = linear({});
-  baseline.x = baseline.fit.x;
-  baseline.curve_n = baseline.fit.mean;
+  confirm({&baseline}, "baseline refitted", 1);
+  if (baseline.frozen) throw ConfigError("", "", "the simulation of the refitted ice freezes", input_.records[0].path);
+  baseline_offset_ = baseline.offset;
   if (!input_.screen_only) locate(baseline, "falls and swell");
 
   // Each effect in its best shape; what the other shapes say of it counts as well.
@@ -1010,7 +1011,9 @@ Identification Chain::run() {
   for (std::size_t k = 0; k < models.size() && k < kConfirmed; ++k) {
     if (score(models[k]) - baseline.fit.log_evidence > 0.0) to_confirm.push_back(&models[k]);
   }
-  if (!input_.screen_only) confirm(to_confirm, "full simulations of the best explanations");
+  if (!input_.screen_only && to_confirm.size() > 1) {
+    confirm(to_confirm, "full simulations of the best explanations", kPasses);
+  }
   // A simulation counts for more than a straight line.
   std::stable_sort(models.begin(), models.end(), [&](const Model& a, const Model& b) {
     return a.simulated != b.simulated ? a.simulated : score(a) > score(b);

@@ -16,7 +16,7 @@ struct Discrepancy {
   double rough_length_m = 0.03;
   double turn_share = 0.05;     ///< of the largest force, where the hoist starts, stops or turns
   double turn_length_m = 0.08;  ///< over which that fades
-  double rest_share = 0.005;    ///< of the largest force: how the rig touches the ice before the first motion
+  double rest_share = 0.01;     ///< of the largest force: how the rig touches the ice before the first motion
   double rest_length_m = 0.05;  ///< over which that is forgotten
   double creep_mps = 0.002;     ///< ice at rest changes as if the hoist covered this
 };

@@ -14,6 +14,7 @@
 #include <exception>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <iterator>
 #include <limits>
 #include <memory>
@@ -30,9 +31,13 @@
 #include "brash_ice_rig/identify/identification.h"
 #include "brash_ice_rig/identify/record.h"
 #include "brash_ice_rig/identify/record_check.h"
+#include "brash_ice_rig/identify/replay.h"
+#include "brash_ice_rig/node/split_list.h"
 #include "brash_ice_rig/output/progress_line.h"
+#include "brash_ice_rig/output/record_writer.h"
 #include "brash_ice_rig/output/run_files.h"
 #include "brash_ice_rig/rig/crane_motion.h"
+#include "brash_ice_rig/rig/rig_commands.h"
 #include "brash_ice_rig/simulation/simulation.h"
 #include "brash_ice_rig/simulation/waiting_threads.h"
 #include "brash_ice_rig/study/study.h"
@@ -63,6 +68,9 @@ double secondsSince(WallClock::time_point start) {
 /// Simulated time that the script will take, settling included, s. An estimate: it leaves out the crane's ramps.
 double expectedDuration(const Scenario& scenario) {
   const ProcedureConfig& procedure = scenario.procedure;
+  if (procedure.control == ControlMode::kManual) {
+    return procedure.settle_duration_s + readCommands(procedure.commands_file).back().time_s;
+  }
   const double lift_s =
       procedure.motion_file.empty() ? procedure.lift_duration_s : CraneMotion::read(procedure.motion_file).duration();
   double duration_s = procedure.settle_duration_s + lift_s + procedure.hold_duration_s;
@@ -125,17 +133,23 @@ struct RunOptions {
   std::string directory;            ///< for the results
   double checkpoint_every_s = 0.0;  ///< simulated time; 0: never
   bool stop_with_stdin = false;     ///< stop when it is closed
+  std::string record;               ///< where the run is left as a record, too; empty: nowhere
 };
 
-int run(const RunOptions& options) {
+/// @param observe  called with each sample
+int run(
+    const RunOptions& options, const std::function<void(const Snapshot&)>& observe = [](const Snapshot&) {}) {
   std::optional<CheckpointReader> resumed;
   if (!options.resumed.empty()) resumed.emplace(options.resumed);
   const Scenario scenario = resumed ? resumed->scenario() : loadScenario(options.sources);
-  if (scenario.procedure.control == ControlMode::kManual) {
-    throw ConfigError("procedure.control", "manual", "has no end; `brash_ice run` needs scripted",
+  if (scenario.procedure.control == ControlMode::kManual && scenario.procedure.commands_file.empty()) {
+    throw ConfigError("procedure.control", "manual",
+                      "has no end; `brash_ice run` needs scripted, or procedure.commands_file",
                       resumed ? options.resumed : options.sources.file);
   }
   Simulation simulation = resumed ? Simulation::load(*resumed, options.threads) : Simulation(scenario);
+  std::optional<RecordWriter> recorder;
+  if (!options.record.empty()) recorder.emplace(simulation, options.record);
   RunFiles files(simulation, options.directory, resumed ? &*resumed : nullptr);
   handleStopSignals();
   Progress progress(scenario);
@@ -159,6 +173,8 @@ int run(const RunOptions& options) {
     compute_s += secondsSince(before);
     const Snapshot snapshot = simulation.snapshot();
     files.write(simulation, snapshot, report.flags);
+    if (recorder) recorder->write(snapshot, report);
+    observe(snapshot);
     progress.show(snapshot);
     if (saves && !simulation.frozen() && snapshot.time_s > checkpoint_due_s - half_sample_s) {
       saveCheckpoint();
@@ -169,6 +185,10 @@ int run(const RunOptions& options) {
   const bool interrupted = !simulation.finished();
   if (saves && interrupted) saveCheckpoint();
   files.finish(simulation, compute_s, interrupted);
+  if (recorder) {
+    recorder->finish(simulation);
+    std::printf("%s\n%s\n", recorder->csvPath().c_str(), recorder->manifestPath().c_str());
+  }
   return interrupted || simulation.frozen() ? kExitRunFailed : kExitDone;
 }
 
@@ -185,16 +205,22 @@ bool isBag(const std::string& file) {
   return std::strcmp(start, kStart) == 0;
 }
 
+/// A record with the files that it names.
+struct OwnedRecord {
+  Record record;
+  std::shared_ptr<const std::string> directory;  ///< removed with the last copy; empty: the files are the user's
+};
+
 /// A bag becomes a record by the script bag_to_record, which lies beside this program: only that script knows ROS.
 /// @throws ConfigError with what the script says
-Record readBag(const std::string& file) {
+OwnedRecord readBag(const std::string& file) {
   std::string directory = (std::filesystem::temp_directory_path() / "brash_ice_XXXXXX").string();
   if (mkdtemp(directory.data()) == nullptr) throw std::runtime_error(directory + ": " + std::strerror(errno));
-  const auto remove = [](const std::string* path) {
+  const std::shared_ptr<const std::string> lifetime(new std::string(directory), [](const std::string* path) {
     std::error_code ignored;
     std::filesystem::remove_all(*path, ignored);
-  };
-  const std::unique_ptr<const std::string, decltype(remove)> directory_lifetime(&directory, remove);
+    delete path;
+  });
 
   ChildSetup setup;
   setup.program = programBesideThis("bag_to_record");
@@ -204,7 +230,7 @@ Record readBag(const std::string& file) {
   std::string reason;
   try {
     const std::optional<ChildEnd> end = ChildProcess(setup).wait(kTimeout, [] { return stop_requested != 0; });
-    if (end && end->success()) return readRecord(directory);
+    if (end && end->success()) return {readRecord(directory), lifetime};
     std::ifstream log(setup.log_file);
     reason.assign(std::istreambuf_iterator<char>(log), {});
     while (!reason.empty() && reason.back() == '\n') reason.pop_back();
@@ -216,8 +242,44 @@ Record readBag(const std::string& file) {
 }
 
 /// @throws ConfigError
-Record readRecordOrBag(const std::string& file) {
-  return isBag(file) ? readBag(file) : readRecord(file);
+OwnedRecord readRecordOrBag(const std::string& file) {
+  return isBag(file) ? readBag(file) : OwnedRecord{readRecord(file), nullptr};
+}
+
+struct ReplayOptions {
+  std::string record;       ///< CSV, manifest, directory or bag
+  ScenarioSources changes;  ///< over the record's scenario
+  std::string directory;    ///< for the results
+  bool prepare_only = false;
+};
+
+int replay(const ReplayOptions& options) {
+  if (options.record.empty()) {
+    throw ConfigError("", "",
+                      "names no record: its CSV, manifest, directory or bag is needed (replay.launch record:=FILE)",
+                      "replay");
+  }
+  const OwnedRecord owned = readRecordOrBag(options.record);
+  const Replay replay = prepareReplay(owned.record, options.changes, options.directory);
+  std::printf("%s: %s\n", options.record.c_str(),
+              replay.exact ? "a run of this simulation: its commands are repeated"
+                           : "the hoist follows the record's hoist_position_m");
+  for (const std::string& remark : replay.remarks) std::printf("  %s\n", remark.c_str());
+  std::printf("%s\n%s\n", replay.scenario_file.c_str(), replay.measured_file.c_str());
+  std::fflush(stdout);
+  if (options.prepare_only) return kExitDone;
+  std::vector<double> time_s, force_n;
+  RunOptions run_options;
+  run_options.sources.file = replay.scenario_file;
+  run_options.directory = options.directory;
+  const int code = run(run_options, [&](const Snapshot& snapshot) {
+    time_s.push_back(snapshot.time_s);
+    force_n.push_back(snapshot.force_n);
+  });
+  const ReplayComparison comparison = compareForces(replay, time_s, force_n);
+  std::printf("measured and simulated force: %zu samples, rms difference %.6g N, %zu identical to the last bit\n",
+              comparison.samples, comparison.rms_n, comparison.identical);
+  return code;
 }
 
 /// Reads a file and says on stdout what it is worth.
@@ -231,7 +293,8 @@ bool checkFile(const std::string& file) {
     return true;
   }
   if (isBag(file) || isRecord(file)) {
-    const Record record = readRecordOrBag(file);
+    const OwnedRecord owned = readRecordOrBag(file);
+    const Record& record = owned.record;
     const RecordReport report = checkRecord(record);
     std::printf("%s", describe(file, record, report).c_str());
     return report.usability() != Usability::kNo;
@@ -261,8 +324,15 @@ int check(const std::vector<std::string>& files) {
 }
 
 int identify(IdentifyOptions options, const std::vector<std::string>& records, const std::string& holdout) {
-  for (const std::string& file : records) options.input.records.push_back({file, readRecordOrBag(file)});
-  if (!holdout.empty()) options.input.holdout = {holdout, readRecordOrBag(holdout)};
+  std::vector<OwnedRecord> owned;
+  for (const std::string& file : records) {
+    owned.push_back(readRecordOrBag(file));
+    options.input.records.push_back({file, owned.back().record});
+  }
+  if (!holdout.empty()) {
+    owned.push_back(readRecordOrBag(holdout));
+    options.input.holdout = {holdout, owned.back().record};
+  }
   handleStopSignals();
   options.stop = [] { return stop_requested != 0; };
   return runIdentify(options) ? kExitDone : kExitRunFailed;
@@ -307,15 +377,42 @@ int runProgram(int argc, char** argv) {
                    "passed and when the run is interrupted")
       ->type_name("SECONDS");
   run_command
+      ->add_option("--record", run_options.record,
+                   "Leave the run as a record, too, which `brash_ice replay` repeats: its name, or a directory for it")
+      ->type_name("NAME");
+  run_command
       ->add_option("--resume", run_options.resumed,
                    "Go on from a checkpoint as if the run had never stopped (default of --out: where it lies)")
       ->excludes(scenario_option)
       ->excludes(set_option)
       ->excludes(overlay_option)
       ->excludes(vtk_option)
+      ->excludes("--record")  // of which the beginning would lack
       ->type_name("CHECKPOINT");
   run_command->add_flag("--stop-when-stdin-closes", run_options.stop_with_stdin,
                         "Stop when standard input, a pipe, is closed: whoever started the run has ended");
+
+  ReplayOptions replay_options;
+  CLI::App* replay_command = app.add_subcommand(
+      "replay", "Move the crane as a record tells, and compare the force; leave what `run` leaves, and measured.csv");
+  replay_command->add_option("record", replay_options.record, "Record: its CSV, manifest, directory or bag")
+      ->required()
+      ->type_name("RECORD");
+  replay_command->add_option("--set", replay_options.changes.settings, "Change one key of the record's scenario")
+      ->allow_extra_args(false)
+      ->type_name("SECTION.KEY=VALUE");
+  replay_command->add_option("--overlay", replay_options.changes.overlays, "YAML with changed keys, e.g. an effect")
+      ->allow_extra_args(false)
+      ->type_name("FILE");
+  replay_command
+      ->add_option("--out", replay_options.directory,
+                   "Directory for the results (default: name of the record + _replay)")
+      ->type_name("DIR");
+  std::string overlay_list, setting_list;
+  replay_command->add_option("--overlays", overlay_list, "The same as --overlay, ; between several")->type_name("LIST");
+  replay_command->add_option("--settings", setting_list, "The same as --set, ; between several")->type_name("LIST");
+  replay_command->add_flag("--prepare-only", replay_options.prepare_only,
+                           "Leave replay.yaml, a scenario, and measured.csv, and do not run it");
 
   StudyOptions study_options;
   CLI::App* study_command = app.add_subcommand(
@@ -395,6 +492,12 @@ int runProgram(int argc, char** argv) {
       identify_options.directory = nameOf(records.front()) + "_identify";
     }
     return identify(identify_options, records, holdout);
+  }
+  if (replay_command->parsed()) {
+    for (const std::string& file : splitList(overlay_list)) replay_options.changes.overlays.push_back(file);
+    for (const std::string& setting : splitList(setting_list)) replay_options.changes.settings.push_back(setting);
+    if (replay_options.directory.empty()) replay_options.directory = nameOf(replay_options.record) + "_replay";
+    return replay(replay_options);
   }
 
   if (sources.file.empty() == run_options.resumed.empty()) {

@@ -10,6 +10,7 @@
 #include "brash_ice_rig/config/config_error.h"
 #include "brash_ice_rig/config/number_check.h"
 #include "brash_ice_rig/rig/crane_motion.h"
+#include "brash_ice_rig/rig/rig_commands.h"
 #include "brash_ice_rig/sph/kernel.h"
 
 namespace brash_ice_rig {
@@ -158,12 +159,33 @@ void checkCraneMotion(const Scenario& scenario) {
   checkCraneHolds(scenario, lowestHubHeight(scenario) + motion.highest(), "at the highest point of the motion file");
 }
 
+void checkCommands(const ProcedureConfig& procedure) {
+  if (procedure.commands_file.empty()) return;
+  const std::vector<RigCommand> commands = readCommands(procedure.commands_file);
+  // As in the simulation, the rest lasts a whole number of samples.
+  constexpr double kRoundingS = 1.0;
+  if (commands.front().time_s < -procedure.settle_duration_s - kRoundingS) {
+    throw ConfigError("procedure.commands_file", procedure.commands_file,
+                      "begins at " + formatNumber(commands.front().time_s) +
+                          " s, before the test: 0 is the end of settling (procedure.settle_duration_s = " +
+                          formatNumber(procedure.settle_duration_s) + ")");
+  }
+  if (procedure.control == ControlMode::kManual) return;
+  for (const RigCommand& command : commands) {
+    if (!command.velocity_mps && !command.fold_target) continue;
+    throw ConfigError("procedure.commands_file", procedure.commands_file,
+                      "drives the crane or the fold at " + formatNumber(command.time_s) +
+                          " s, which needs procedure.control: manual");
+  }
+}
+
 void checkCrane(const Scenario& scenario) {
   const CraneConfig& crane = scenario.crane;
   const ProcedureConfig& procedure = scenario.procedure;
   require(crane.min_height_m < crane.max_height_m, "crane.min_height_m", crane.min_height_m,
           "must be less than crane.max_height_m (" + formatNumber(crane.max_height_m) + ")");
   checkCraneHolds(scenario, startHubHeight(scenario), "at the start");
+  checkCommands(procedure);
   if (procedure.control == ControlMode::kManual) return;  // whoever drives by hand need not follow the script
 
   if (!procedure.motion_file.empty()) {

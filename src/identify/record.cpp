@@ -22,7 +22,8 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr int kMaxDepth = 4;  // of maps in `rig`: YAML aliases can nest without end
 
 const std::vector<std::string>& manifestKeys() {
-  static const std::vector<std::string> kKeys = {"title", "source", "tare_n", "position", "rig", "ice", "notes"};
+  static const std::vector<std::string> kKeys = {"title", "source",   "tare_n", "position", "rig",
+                                                "ice",   "commands", "motion", "notes"};
   return kKeys;
 }
 
@@ -211,6 +212,14 @@ void readManifest(Record& record) {
   } else {
     assume("no tare_n: 0 assumed, a load cell zeroed with the empty rig hanging in the water");
   }
+  const auto fileBeside = [&](const char* key, std::string& target) {
+    const YamlItem item = root[key];
+    if (!item.exists()) return;
+    target = (fs::path(path).parent_path() / item.text("must name a CSV file")).lexically_normal().string();
+    if (!isFile(target)) item.refuse("must name a file that exists; " + target + " does not");
+  };
+  fileBeside("commands", record.commands_file);
+  fileBeside("motion", record.motion_file);
   RigAndIce rig_and_ice(record);
   rig_and_ice.readRig(root["rig"]);
   rig_and_ice.readIce(root["ice"]);

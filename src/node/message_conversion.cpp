@@ -116,6 +116,19 @@ CraneState toCraneState(const Stamp& stamp, const Snapshot& snapshot) {
   return message;
 }
 
+TakenCommand toTakenCommand(const Stamp& stamp, const RigCommand& command, std::uint32_t index) {
+  TakenCommand message;
+  message.header = stamp.header(frames::kMap);
+  message.time_s = command.time_s;
+  message.index = index;
+  message.has_velocity = command.velocity_mps.has_value();
+  if (command.velocity_mps) message.velocity_mps = toVector(*command.velocity_mps);
+  message.has_fold_target = command.fold_target.has_value();
+  message.fold_target = command.fold_target.value_or(0.0);
+  message.tare = command.tare;
+  return message;
+}
+
 geometry_msgs::TwistStamped toCommandOut(const Stamp& stamp, const RigState& rig) {
   geometry_msgs::TwistStamped message;
   message.header = stamp.header(frames::kCraneTip);

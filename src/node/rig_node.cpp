@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <limits>
 #include <optional>
 #include <string>
@@ -94,6 +96,16 @@ RigNode::RigNode(const NodeOptions& options, const ros::NodeHandle& node, const 
   std_msgs::String scenario_text;
   scenario_text.data = std::string("# brash_ice_rig ") + kVersion + "\n" + toYaml(scenario_);
   scenario_publisher_.publish(scenario_text);
+  if (!scenario_.procedure.motion_file.empty()) {
+    motion_file_publisher_ = node_.advertise<std_msgs::String>(topics::kMotionFile, 1, true);
+    std_msgs::String motion;
+    std::ifstream file(scenario_.procedure.motion_file, std::ios::binary);
+    motion.data.assign(std::istreambuf_iterator<char>(file), {});
+    motion_file_publisher_.publish(motion);
+  }
+  // Latched: whoever joins before anything was told learns where the run began.
+  commands_publisher_ = node_.advertise<TakenCommand>(topics::kCommands, 1000, true);
+  publishRunStart();
 
   crane_subscriber_ = node_.subscribe<geometry_msgs::TwistStamped>(
       topics::kCraneCommand, 1,
@@ -280,7 +292,7 @@ int RigNode::run() {
   }
   refuseRequests();
   pull_up_->abort("the node is shutting down");
-  finishRun(scenario_.procedure.control == ControlMode::kScripted && !script_done_);
+  finishRun(hasEnd() && !script_done_);
   finishAutosave();
   if (plot_.valid()) plot_.wait();
   if (ros::ok()) {
@@ -387,12 +399,13 @@ RigNode::Answer RigNode::replaceWorld(std::unique_ptr<Simulation> world, Checkpo
                                       std::string message) {
   pull_up_->abort("the rig was reset, or went on from a checkpoint");
   const double last_stamp_s = clock_offset_s_ + simulation_->snapshot().time_s;
-  finishRun(!script_done_ && scenario_.procedure.control == ControlMode::kScripted);
+  finishRun(hasEnd() && !script_done_);
   {
     const std::lock_guard<std::mutex> lock(simulation_mutex_);
     simulation_ = std::move(world);
   }
   clock_offset_s_ = last_stamp_s + simulation_->samplePeriod() - simulation_->snapshot().time_s;
+  publishRunStart();
   script_done_ = false;
   raised_ = raised_since_sample_ = StatusFlags();
   if (paused_) message += ", paused";
@@ -537,6 +550,7 @@ void RigNode::advance(std::uint64_t steps) {
   raised_ |= report.flags;
   if (simulation_->frozen()) pull_up_->abort(statusRemedy(StatusFlag::kNonFinite));
   raised_since_sample_ |= report.flags;
+  publishCommands(report.commands);
   if (simulation_->stepCount() % steps_per_sample_ != 0 || simulation_->frozen()) return;
 
   const Snapshot snapshot = simulation_->snapshot();
@@ -564,6 +578,19 @@ Stamp RigNode::stamp(double time_s) const {
   stamp.time.fromSec(clock_offset_s_ + time_s);
   stamp.frame_prefix = options_.frame_prefix;
   return stamp;
+}
+
+void RigNode::publishRunStart() {
+  command_index_ = 0;
+  RigCommand start;
+  start.time_s = simulation_->snapshot().time_s;
+  commands_publisher_.publish(toTakenCommand(stamp(start.time_s), start, command_index_));
+}
+
+void RigNode::publishCommands(const std::vector<RigCommand>& commands) {
+  for (const RigCommand& command : commands) {
+    commands_publisher_.publish(toTakenCommand(stamp(command.time_s), command, ++command_index_));
+  }
 }
 
 void RigNode::publishSample(const Snapshot& snapshot) {

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "brash_ice_rig/rig/rig_commands.h"
+
 namespace brash_ice_rig {
 namespace {
 
@@ -36,6 +38,7 @@ Procedure::Procedure(const ProcedureConfig& config, double lowest_hub_m)
     : config_(config),
       lowest_hub_m_(lowest_hub_m),
       fold_target_(config.start == StartPose::kUnfoldedUnderIce ? 1.0 : 0.0) {
+  if (!config.commands_file.empty()) commands_end_s_ = readCommands(config.commands_file).back().time_s;
   if (!config.motion_file.empty()) motion_ = CraneMotion::read(config.motion_file);
 }
 
@@ -54,6 +57,7 @@ Procedure::Order Procedure::step(double time_s, double time_step_s, const Crane&
       enter(config_.start == StartPose::kUnfoldedUnderIce ? Stage::kLift : Stage::kLower, time_s);
     }
   }
+  if (stage_ == Stage::kManual && commands_end_s_ && time_s > *commands_end_s_ - half_step) enter(Stage::kDone, time_s);
   if (stage_ == Stage::kLower && hub_height_m - lowest_hub_m_ < kLoweredWithinM) enter(Stage::kUnfold, time_s);
   if (stage_ == Stage::kUnfold) {
     fold_target_ = 1.0;

@@ -21,6 +21,7 @@
 #include "brash_ice_rig/rig/crane.h"
 #include "brash_ice_rig/rig/load_cell.h"
 #include "brash_ice_rig/rig/procedure.h"
+#include "brash_ice_rig/rig/rig_commands.h"
 #include "brash_ice_rig/simulation/energy_audit.h"
 #include "brash_ice_rig/simulation/pinned_thread.h"
 #include "brash_ice_rig/simulation/plug.h"
@@ -136,6 +137,7 @@ struct Simulation::Impl {
   std::uint64_t stateHash();
   void moveRig();
   void takeCommands();
+  std::optional<RigCommand> commandOfScript() const;
   void updateForces();
   void updateIce();
   RigNow rigNow() const;
@@ -197,6 +199,9 @@ struct Simulation::Impl {
   std::optional<Eigen::Vector3d> mailbox_velocity;
   std::optional<double> mailbox_fold;
   bool mailbox_tare = false;
+
+  std::vector<RigCommand> script;    ///< of procedure.commands_file
+  std::vector<RigCommand> commands;  ///< taken since the start of the present advance
 };
 
 Simulation::Impl::Impl(const Scenario& s)
@@ -224,6 +229,7 @@ Simulation::Impl::Impl(const Scenario& s)
   // Settling takes whole samples, so that time 0 is one.
   settle_steps =
       steps_per_sample * static_cast<std::uint64_t>(std::llround(s.procedure.settle_duration_s / sample_period));
+  if (!s.procedure.commands_file.empty()) script = readCommands(s.procedure.commands_file);
   updateForces();
   load_cell.sample();
   updateIce();
@@ -341,17 +347,18 @@ void Simulation::Impl::takeCommands() {
     tare = mailbox_tare;
     mailbox_tare = false;
   }
-  if (tare) load_cell.tare();
-  const bool manual = scenario.procedure.control == ControlMode::kManual;
+  RigCommand taken;
+  taken.time_s = time();
+  taken.tare = tare;
+  const bool manual = scenario.procedure.control == ControlMode::kManual && script.empty();
   if (velocity) {
     if (!velocity->allFinite()) {
       flags.set(StatusFlag::kCommandRejected);
-      velocity_command.setZero();
+      if (manual) taken.velocity_mps = Eigen::Vector3d::Zero();
     } else if (!manual) {
       flags.set(StatusFlag::kCommandIgnored);
     } else {
-      velocity_command = *velocity;
-      command_step = step_count;
+      taken.velocity_mps = velocity;
     }
   }
   if (fold) {
@@ -360,9 +367,37 @@ void Simulation::Impl::takeCommands() {
     } else if (!manual) {
       flags.set(StatusFlag::kCommandIgnored);
     } else {
-      fold_target = *fold;
+      taken.fold_target = fold;
     }
   }
+  if (const std::optional<RigCommand> scripted = commandOfScript()) {
+    taken.velocity_mps = scripted->velocity_mps;
+    taken.fold_target = scripted->fold_target;
+    taken.tare = taken.tare || scripted->tare;
+  }
+  if (taken.tare) load_cell.tare();
+  if (taken.velocity_mps) {
+    velocity_command = *taken.velocity_mps;
+    command_step = step_count;
+  }
+  if (taken.fold_target) fold_target = *taken.fold_target;
+  if (taken.tare || taken.velocity_mps || taken.fold_target) commands.push_back(taken);
+}
+
+/// Of procedure.commands_file: what is due at the present step. Times there are those of steps up to round-off, or
+/// anybody's; several within one step count as one, the later over the earlier.
+std::optional<RigCommand> Simulation::Impl::commandOfScript() const {
+  const double half_step = 0.5 * time_step;
+  auto next = std::lower_bound(script.begin(), script.end(), time() - half_step,
+                               [](const RigCommand& command, double t) { return command.time_s < t; });
+  std::optional<RigCommand> due;
+  for (; next != script.end() && next->time_s < time() + half_step; ++next) {
+    if (!due) due.emplace();
+    if (next->velocity_mps) due->velocity_mps = next->velocity_mps;
+    if (next->fold_target) due->fold_target = next->fold_target;
+    due->tare = due->tare || next->tare;
+  }
+  return due;
 }
 
 void Simulation::Impl::updateForces() {
@@ -415,7 +450,8 @@ void Simulation::Impl::moveRig() {
   }
   // A fold command comes only once, so that one from the time of settling has to be kept until it counts.
   if (scenario.procedure.control == ControlMode::kScripted) fold_target = order.fold_target;
-  const double fold_order = procedure.stage() == Stage::kManual ? fold_target : order.fold_target;
+  const bool by_command = scenario.procedure.control == ControlMode::kManual && procedure.stage() != Stage::kSettle;
+  const double fold_order = by_command ? fold_target : order.fold_target;
   for (const auto& effect : effects) effect->updateCraneVelocity(rigNow(), wanted);
   crane.step(time_step, wanted, flags);
   collector.step(time_step, fold_order, contact_sum.opening_moment_nm, flags);
@@ -488,6 +524,7 @@ StepReport Simulation::advance(double duration_s) {
   const std::uint64_t first = world.step_count;
   const auto steps = std::max<std::int64_t>(std::llround(duration_s / world.time_step), 1);
   world.flags = StatusFlags();
+  world.commands.clear();
 
   const auto external = [&world](std::size_t i) -> Eigen::Vector4f {
     return world.waterForce(i) + world.contact.force(i);
@@ -530,6 +567,7 @@ StepReport Simulation::advance(double duration_s) {
   StepReport report;
   report.steps = world.step_count - first;
   report.flags = world.flags;
+  report.commands = std::move(world.commands);
   return report;
 }
 

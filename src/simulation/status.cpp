@@ -58,8 +58,8 @@ const char* statusRemedy(StatusFlag flag) {
       return "A command was not a number, infinite or out of range and was refused; the crane stopped. Correct "
              "its sender.";
     case StatusFlag::kCommandIgnored:
-      return "A command came while the script drives the crane. Set procedure.control to manual to drive it "
-             "yourself.";
+      return "A command came while the script, or a file of commands, drives the crane. Set procedure.control to "
+             "manual, without procedure.commands_file, to drive it yourself.";
     case StatusFlag::kMultipleCommanders:
       return "More than one publisher commands the crane, so no command counts and the crane stopped. Leave only "
              "one connected.";

@@ -12,7 +12,7 @@ import unittest
 import rosbag
 import rospy
 import yaml
-from brash_ice_rig.msg import CraneState, ForceComponents
+from brash_ice_rig.msg import CraneState, ForceComponents, TakenCommand
 from geometry_msgs.msg import WrenchStamped
 from std_msgs.msg import String
 
@@ -119,6 +119,69 @@ class BagToRecord(unittest.TestCase):
         self.assertEqual(manifest["source"], "synthetic")
         self.assertEqual(manifest["rig"], "test_rig.yaml")
         self.assertAlmostEqual(manifest["tare_n"], 2354.4 - 302.5)
+
+    def commanded_bag(self, indices, start_s=-QUIET_S, motion_file=""):
+        """A run that was told something at each index, with the times of the ground truth."""
+        with rosbag.Bag(self.bag_file, "w") as bag:
+            first = rospy.Time.from_sec(START_S - QUIET_S)
+            scenario = (f"# brash_ice_rig 1\ntitle: By hand\nprocedure:\n  settle_duration_s: {QUIET_S}\n"
+                        f"  motion_file: \"{motion_file}\"\n  commands_file: \"/gone/commands.csv\"\n")
+            bag.write("/rig/sim/scenario", String(scenario), first)
+            if motion_file:
+                bag.write("/rig/sim/motion_file", String("time_s,hoist_position_m\n0,0\n1,1\n"), first)
+            for index in indices:
+                command = TakenCommand(time_s=start_s + index / 3.0, index=index)
+                command.header.stamp = rospy.Time.from_sec(START_S + command.time_s)
+                if index % 2 == 1:
+                    command.has_velocity, command.velocity_mps.z = True, 0.1 + 0.2
+                if index == 2:
+                    command.has_fold_target, command.fold_target = True, 1.0 / 3.0
+                command.tare = index == 4
+                bag.write("/rig/sim/commands", command, command.header.stamp)
+            for i in range(20 * 9):
+                components = ForceComponents(time_s=-QUIET_S + i * 0.05, weight_n=2000.0, tension_n=1800.0)
+                components.header.stamp = rospy.Time.from_sec(START_S - QUIET_S + i / 20)
+                bag.write("/rig/ground_truth/force_components", components, components.header.stamp)
+            write_run(bag, -QUIET_S, 1.0)
+
+    def manifest(self):
+        with open(self.path("test.yaml"), encoding="utf-8") as stream:
+            return yaml.safe_load(stream)
+
+    def test_commands_make_a_record_that_repeats_to_the_last_bit(self):
+        self.commanded_bag(range(6), motion_file="/elsewhere/way.csv")
+        names = [os.path.basename(path) for path in self.convert()]
+        self.assertEqual(names, ["test.csv", "test.yaml", "test_rig.yaml", "test_commands.csv", "test_motion.csv"])
+        with open(self.path("test_commands.csv"), encoding="utf-8") as stream:
+            lines = stream.read().splitlines()
+        self.assertEqual(lines[0], "time_s,velocity_x_mps,velocity_y_mps,velocity_z_mps,fold_target,tare")
+        self.assertEqual(lines[1], f"{-QUIET_S + 1 / 3.0!r},0.0,0.0,{0.1 + 0.2!r},,")
+        self.assertEqual(lines[2], f"{-QUIET_S + 2 / 3.0!r},,,,{1.0 / 3.0!r},")
+        self.assertEqual(lines[4], f"{-QUIET_S + 4 / 3.0!r},,,,,1")
+        self.assertEqual(len(lines), 1 + 5 + 1)
+        self.assertTrue(lines[-1].endswith(",,,,,"))
+        manifest = self.manifest()
+        self.assertEqual((manifest["commands"], manifest["motion"]), ("test_commands.csv", "test_motion.csv"))
+        self.assertAlmostEqual(manifest["tare_n"], 2000.0 - 1800.0, msg="what the tare took off")
+        with open(self.path("test_rig.yaml"), encoding="utf-8") as stream:
+            procedure = yaml.safe_load(stream)["procedure"]
+        self.assertEqual((procedure["motion_file"], procedure["commands_file"]), ("", ""))
+        # Times of the ground truth and forces, in digits that give back their bits.
+        rows = self.rows()
+        self.assertEqual(rows[1]["time_s"], -QUIET_S + 0.05)
+        self.assertEqual(rows[7]["force_n"], force_n(-QUIET_S + 7 / 20))
+
+    def test_commands_that_are_not_all_there_are_left_out_and_the_notes_say_why(self):
+        for indices, start_s, reason in [([], 0.0, "no messages on sim/commands"),
+                                         ([2, 3], -QUIET_S, "are missing"),
+                                         ([0, 1, 3], -QUIET_S, "are missing"),
+                                         ([0, 1], -QUIET_S + 3.0, "did not begin at the start")]:
+            self.commanded_bag(indices, start_s)
+            self.convert("--force")
+            manifest = self.manifest()
+            self.assertNotIn("commands", manifest)
+            self.assertIn("cannot be repeated to the last bit: ", manifest["notes"])
+            self.assertIn(reason, manifest["notes"])
 
     def test_program_checks_a_bag_as_the_record_that_it_becomes(self):
         self.simulated_bag()

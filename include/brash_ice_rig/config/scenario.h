@@ -227,6 +227,7 @@ struct ProcedureConfig {
   double lift_duration_s = 40.0;
   double hold_duration_s = 0.0;
   std::string motion_file;
+  std::string commands_file;
 
   template <class Visitor>
   void visit(Visitor& v) {
@@ -245,6 +246,8 @@ struct ProcedureConfig {
     v("hold_duration_s", hold_duration_s, Range{0.0, 3600.0}, "time of hanging still after the lift");
     v("motion_file", motion_file,
       "CSV with time_s and hoist_position_m: the lift follows this way instead of lift_speed_mps and lift_duration_s");
+    v("commands_file", commands_file,
+      "CSV with the commands of a test: they count as if they came from outside at these times");
   }
 };
 

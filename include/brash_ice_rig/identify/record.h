@@ -32,6 +32,8 @@ struct Record {
   PositionOrigin position = PositionOrigin::kMeasured;
   std::vector<KnownValue> ice;
   std::string notes;
+  std::string commands_file;  ///< the record is a run of ours, which these commands repeat exactly; empty: it is not
+  std::string motion_file;    ///< procedure.motion_file of that run; empty: it had none
   ScenarioSources sources;  ///< what `rig` and `ice` say: a file or none, and settings
   Scenario scenario;        ///< composed from these, defaults elsewhere
 

@@ -13,6 +13,9 @@
 #include "brash_ice_rig/ForceComponents.h"
 #include "brash_ice_rig/PlugState.h"
 #include "brash_ice_rig/SimStatus.h"
+#include "brash_ice_rig/TakenCommand.h"
+#include "brash_ice_rig/config/scenario.h"
+#include "brash_ice_rig/rig/rig_commands.h"
 #include "brash_ice_rig/simulation/snapshot.h"
 
 // From the core's structs to messages. Units and signs are those of the core; only headers are added.
@@ -33,6 +36,9 @@ geometry_msgs::WrenchStamped toWrench(const Stamp& stamp, const Eigen::Vector3d&
 ForceComponents toForceComponents(const Stamp& stamp, const Snapshot& snapshot);
 PlugState toPlugState(const Stamp& stamp, double time_s, const PlugSummary& plug);
 CraneState toCraneState(const Stamp& stamp, const Snapshot& snapshot);
+
+/// @param index  of the command within its run
+TakenCommand toTakenCommand(const Stamp& stamp, const RigCommand& command, std::uint32_t index);
 
 /// Velocity of the crane tip after limits, frame crane_tip, whose axes are those of map.
 geometry_msgs::TwistStamped toCommandOut(const Stamp& stamp, const RigState& rig);

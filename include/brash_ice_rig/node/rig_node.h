@@ -98,9 +98,16 @@ class RigNode {
   std::uint64_t stepsToNextSample() const;
   /// Why the action pull_up cannot begin now; empty: it can.
   std::string reasonAgainstPullUp() const;
+  /// The test has an end of its own.
+  bool hasEnd() const {
+    return scenario_.procedure.control == ControlMode::kScripted || !scenario_.procedure.commands_file.empty();
+  }
   bool idle() const { return paused_ || simulation_->frozen(); }
 
   Stamp stamp(double time_s) const;
+  /// Tells recorders that a run begins at the present state.
+  void publishRunStart();
+  void publishCommands(const std::vector<RigCommand>& commands);
   void publishSample(const Snapshot& snapshot);
   void publishIdleFrame();
   void publishClock(const Stamp& now);
@@ -141,6 +148,7 @@ class RigNode {
   std::optional<RunFiles> files_;  ///< empty without ~output_dir and after the run's end
   std::optional<ForceStatistics> statistics_;
   int run_number_ = 0;
+  std::uint32_t command_index_ = 0;  ///< of the last command published in this run
   double compute_s_ = 0.0;  ///< wall time in the simulation since the run's start
   std::future<void> plot_;
 
@@ -161,6 +169,7 @@ class RigNode {
   ros::NodeHandle node_, private_node_;
   ros::Publisher clock_publisher_, wrench_publisher_, true_wrench_publisher_, components_publisher_, points_publisher_,
       plug_publisher_, command_out_publisher_, crane_publisher_, status_publisher_, scenario_publisher_,
+      motion_file_publisher_, commands_publisher_,
       joints_publisher_, markers_publisher_;
   diagnostic_updater::Updater diagnostics_;
   ros::Subscriber crane_subscriber_, fold_subscriber_;

@@ -12,11 +12,11 @@
 namespace brash_ice_rig {
 
 /// The test as the crew runs it: settle, lower, unfold, lift, hold, done. A jammed collector ends it at unfold, as in
-/// the field. In manual control only settle and manual occur.
+/// the field. In manual control only settle and manual occur, and done at the end of a file of commands.
 class Procedure {
  public:
   /// @param lowest_hub_m  height of the hub at which lowering ends
-  /// @throws ConfigError if there is a motion file and it cannot be used
+  /// @throws ConfigError if there is a file of motion or commands and it cannot be used
   Procedure(const ProcedureConfig& config, double lowest_hub_m);
 
   struct Order {
@@ -41,6 +41,7 @@ class Procedure {
   double stage_start_s_ = 0.0;
   double fold_target_;
   std::optional<CraneMotion> motion_;
+  std::optional<double> commands_end_s_;
 };
 
 }  // namespace brash_ice_rig

@@ -4,10 +4,12 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include <Eigen/Core>
 
 #include "brash_ice_rig/config/scenario.h"
+#include "brash_ice_rig/rig/rig_commands.h"
 #include "brash_ice_rig/simulation/checkpoint.h"
 #include "brash_ice_rig/simulation/snapshot.h"
 
@@ -17,6 +19,9 @@ namespace brash_ice_rig {
 struct StepReport {
   std::uint64_t steps = 0;
   StatusFlags flags;  ///< raised during this advance
+  /// Taken up during this advance and heeded, from outside or from procedure.commands_file. A simulation of the same
+  /// scenario to which they are given as that file repeats this one to the last bit.
+  std::vector<RigCommand> commands;
 };
 
 /// Field, water and rig together. Knows nothing of ROS.
@@ -43,10 +48,11 @@ class Simulation {
   /// Particles computed, summed over all steps: sleeping ones are not (solver.active_set).
   std::uint64_t activeParticleSteps() const;
 
-  /// Velocity of the crane tip, m/s, frame map. Counts only in manual control, for crane.command_timeout_s of simulated
-  /// time; raises a flag otherwise. A value that is not finite is refused and stops the crane.
+  /// Velocity of the crane tip, m/s, frame map. Counts only in manual control without procedure.commands_file, for
+  /// crane.command_timeout_s of simulated time; raises a flag otherwise. A value that is not finite is refused and stops
+  /// the crane.
   void setCraneVelocity(const Eigen::Vector3d& velocity_mps);
-  /// Fold ratio to go to, 0 folded .. 1 unfolded. Counts only in manual control. Non-finite or outside 0..1 is refused.
+  /// Fold ratio to go to, 0 folded .. 1 unfolded. Counts as a velocity does. Non-finite or outside 0..1 is refused.
   void setFoldTarget(double ratio);
   /// Makes the present reading zero from the next sample on.
   void tare();
@@ -61,7 +67,8 @@ class Simulation {
   PlugSummary plug() const;
   PlugOutline plugOutline() const;
 
-  /// The script has come to its end (never in manual control), or the world is frozen.
+  /// The script has come to its end, or in manual control procedure.commands_file (never without), or the world is
+  /// frozen.
   bool finished() const;
   bool frozen() const;
 

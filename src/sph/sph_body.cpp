@@ -379,8 +379,7 @@ void SphBody::visitState(StateVisitor& visitor) {
   std::uint64_t rows = present_rows;
   visitor("rows", rows);
   if (rows != present_rows) visitor.refuse("this program computes other gradients than the one that wrote it");
-  // The rows follow from the references; these sums do not, because their order is that of the candidates in the
-  // search before which a row was computed.
+  // They follow from the references like the rows: whatever search a row was computed after, its order is the same.
   visitor("correction", correction_);
   visitor.records("gradient_sum_pm", gradient_sum_);
   active_.visitState(visitor, candidates_);
@@ -430,8 +429,9 @@ std::uint64_t SphBody::hashOfRows() const {
   return hash.value();
 }
 
-/// Candidates as they were found, and rows from the references.
+/// Candidates as they were found, and rows from the references, which kernels read as sites.
 void SphBody::rebuildRows() {
+  for (std::size_t i = 0; i < size(); ++i) setSite(i);
   search_.find(searched_position_, 2.0 * longest_at_search_ + settings_.skin_m, candidates_);
   findLongestRow();
   listAllRows();

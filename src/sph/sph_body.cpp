@@ -29,7 +29,7 @@ namespace {
 constexpr float kVolumeChange = 0.002f;
 
 /// Share of the way that counts as a move which particles may go between two looks at them.
-constexpr double kUncheckedShare = 0.25;
+constexpr double kUncheckedShare = 0.1;
 
 /// How far particles may go before their gradients see no more of it, over the size of the field.
 constexpr double kSiteRange = 4.0;

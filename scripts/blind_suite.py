@@ -11,6 +11,7 @@ ROOT = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
 GENERATOR = os.path.join(ROOT, "test", "blind", "make_records.py")
 PROGRAM_PLACES = ("devel/lib/brash_ice_rig/brash_ice", "build/brash_ice")
 SEALED = "sealed"
+REFERENCES = 6  # lifts that lack nothing: what a user has from earlier tests with the same rig
 
 
 class Failure(Exception):
@@ -40,12 +41,20 @@ def make_records(directory, *arguments):
     unfinished = directory + ".part"
     shutil.rmtree(unfinished, ignore_errors=True)
     os.makedirs(os.path.dirname(unfinished) or ".", exist_ok=True)
-    what, *more = arguments
+    what, *more = arguments  # the generator's own option, which names the directory last
     done = subprocess.run([sys.executable, "-B", GENERATOR, *what, unfinished, *more], capture_output=True, text=True,
                           check=False, env={**os.environ, "OPENBLAS_NUM_THREADS": "1"})
     if done.returncode != 0:
         raise Failure(f"{GENERATOR}: {last_line(done.stderr)}")
     os.rename(unfinished, directory)
+
+
+def make_references(directory):
+    """Makes records of plain lifts that lack nothing, with seeds of their own; returns the paths of the copies."""
+    truth, records = os.path.join(directory, "truth", "references"), os.path.join(directory, "records", "references")
+    make_records(truth, ["--nulls", str(REFERENCES)], "--purpose", "tune")
+    copy_records(truth, records)
+    return [os.path.join(records, f"case_{number:04d}_fit.csv") for number in read_sealed(truth, "index")["lift"]]
 
 
 def copy_records(directory, target):
@@ -64,10 +73,10 @@ def read_sealed(directory, name):
         return json.load(stream)
 
 
-def identify(program, records, holdout, out, cache):
+def identify(program, records, holdout, out, cache, references=()):
     """Runs the program, unless out/report.json is there; returns "" or why there is no report.
 
-    What the program says goes to out.log. holdout may be None.
+    What the program says goes to out.log. holdout may be None. references are lifts that lack nothing.
     """
     report = os.path.join(out, "report.json")
     if os.path.exists(report):
@@ -75,6 +84,8 @@ def identify(program, records, holdout, out, cache):
     os.makedirs(os.path.dirname(out), exist_ok=True)
     command = [program, "identify", *records, *(["--holdout", holdout] if holdout else []), "--out", out, "--cache",
                cache]
+    for reference in references:
+        command += ["--reference", reference]
     with open(f"{out}.log", "w", encoding="utf-8") as log:
         code = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
                               check=False).returncode

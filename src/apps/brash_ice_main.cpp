@@ -323,16 +323,16 @@ int check(const std::vector<std::string>& files) {
   return code;
 }
 
-int identify(IdentifyOptions options, const std::vector<std::string>& records, const std::string& holdout) {
-  std::vector<OwnedRecord> owned;
-  for (const std::string& file : records) {
+int identify(IdentifyOptions options, const std::vector<std::string>& records, const std::string& holdout,
+             const std::vector<std::string>& references) {
+  std::vector<OwnedRecord> owned;  // what was unpacked from bags has to stay until the end
+  const auto named = [&](const std::string& file) -> NamedRecord {
     owned.push_back(readRecordOrBag(file));
-    options.input.records.push_back({file, owned.back().record});
-  }
-  if (!holdout.empty()) {
-    owned.push_back(readRecordOrBag(holdout));
-    options.input.holdout = {holdout, owned.back().record};
-  }
+    return {file, owned.back().record};
+  };
+  for (const std::string& file : records) options.input.records.push_back(named(file));
+  if (!holdout.empty()) options.input.holdout = named(holdout);
+  for (const std::string& file : references) options.input.references.push_back(named(file));
   handleStopSignals();
   options.stop = [] { return stop_requested != 0; };
   return runIdentify(options) ? kExitDone : kExitRunFailed;
@@ -431,7 +431,7 @@ int runProgram(int argc, char** argv) {
                           "Repeat the runs that ended with a non-finite state, too");
 
   IdentifyOptions identify_options;
-  std::vector<std::string> records;
+  std::vector<std::string> records, references;
   std::string holdout;
   CLI::App* identify_command = app.add_subcommand(
       "identify", "Find out what the model lacks from measured records; leave report.html, report.json, overlay.yaml");
@@ -442,6 +442,12 @@ int runProgram(int argc, char** argv) {
       ->type_name("RECORD");
   identify_command
       ->add_option("--holdout", holdout, "Another record, that is not fitted: whatever is found has to hold on it")
+      ->type_name("RECORD");
+  identify_command
+      ->add_option(
+          "--reference", references,
+          "Lifts of this rig that lack nothing: they teach how far the simulator is off; may be given many times")
+      ->allow_extra_args(false)
       ->type_name("RECORD");
   identify_command
       ->add_option("--out", identify_options.directory,
@@ -491,7 +497,7 @@ int runProgram(int argc, char** argv) {
     if (identify_options.directory.empty()) {
       identify_options.directory = nameOf(records.front()) + "_identify";
     }
-    return identify(identify_options, records, holdout);
+    return identify(identify_options, records, holdout, references);
   }
   if (replay_command->parsed()) {
     for (const std::string& file : splitList(overlay_list)) replay_options.changes.overlays.push_back(file);

@@ -11,6 +11,74 @@ double computeMatern32(double distance, double length) {
   return (1.0 + scaled) * std::exp(-scaled);
 }
 
+namespace {
+
+/// Linear between the points, constant beyond them.
+double interpolated(const std::vector<double>& x, const std::vector<double>& y, double at) {
+  if (at <= x.front()) return y.front();
+  if (at >= x.back()) return y.back();
+  const auto next = static_cast<std::size_t>(std::upper_bound(x.begin(), x.end(), at) - x.begin());
+  return y[next - 1] + (at - x[next - 1]) / (x[next] - x[next - 1]) * (y[next] - y[next - 1]);
+}
+
+}  // namespace
+
+Eigen::VectorXd computeKnownDiscrepancy(const Discrepancy& d, const Observation& o, double peak_n) {
+  Eigen::VectorXd known = Eigen::VectorXd::Zero(o.time_s.size());
+  if (d.way_m.empty()) return known;
+  for (Eigen::Index i = 0; i < known.size(); ++i) {
+    if (o.time_s[i] > 0.0) known[i] = peak_n * interpolated(d.way_m, d.mean_share, o.way_m[i]);
+  }
+  return known;
+}
+
+Discrepancy learnDiscrepancy(const std::vector<std::vector<double>>& ways_m,
+                             const std::vector<std::vector<double>>& residual, const Discrepancy& before) {
+  constexpr double kGridM = 0.04;
+  Discrepancy learned = before;
+  learned.way_m.clear();
+  learned.mean_share.clear();
+  learned.sigma_share.clear();
+  double highest = 0.0;
+  for (const auto& ways : ways_m) {
+    for (const double way : ways) highest = std::max(highest, way);
+  }
+  const auto cells = static_cast<std::size_t>(highest / kGridM) + 1;
+  for (std::size_t cell = 0; cell < cells; ++cell) {
+    std::vector<double> means;  // one per lift
+    for (std::size_t lift = 0; lift < ways_m.size(); ++lift) {
+      double sum = 0.0, count = 0.0;
+      for (std::size_t i = 0; i < ways_m[lift].size(); ++i) {
+        if (static_cast<std::size_t>(std::max(ways_m[lift][i], 0.0) / kGridM) != cell) continue;
+        sum += residual[lift][i];
+        count += 1.0;
+      }
+      if (count > 0.0) means.push_back(sum / count);
+    }
+    if (means.empty()) continue;
+    const double n = static_cast<double>(means.size());
+    double mean = 0.0, variance = 0.0;
+    for (const double value : means) mean += value / n;
+    for (const double value : means) variance += (value - mean) * (value - mean);
+    // The mean of n is itself uncertain; one lift alone says nothing about the scatter.
+    variance = means.size() > 1 ? variance / (n - 1.0) * (1.0 + 1.0 / n) : before.share * before.share;
+    learned.way_m.push_back((static_cast<double>(cell) + 0.5) * kGridM);
+    learned.mean_share.push_back(mean);
+    learned.sigma_share.push_back(std::sqrt(variance));
+  }
+  // Few lifts: the scatter over the neighbouring 0.2 m counts as well.
+  const std::vector<double> sigma = learned.sigma_share;
+  for (std::size_t i = 0; i < sigma.size(); ++i) {
+    double sum = 0.0, count = 0.0;
+    for (std::size_t j = i < 2 ? 0 : i - 2; j < std::min(i + 3, sigma.size()); ++j) {
+      sum += sigma[j] * sigma[j];
+      count += 1.0;
+    }
+    learned.sigma_share[i] = std::sqrt(sum / count);
+  }
+  return learned;
+}
+
 Eigen::MatrixXd computeNoiseCovariance(const ForceNoise& noise, const Eigen::VectorXd& time_s) {
   constexpr double kTimes[] = {0.5, 4.0, 30.0};
   const Eigen::Index n = time_s.size();
@@ -26,16 +94,38 @@ Eigen::MatrixXd computeNoiseCovariance(const ForceNoise& noise, const Eigen::Vec
   return covariance;
 }
 
+namespace {
+
+/// Distance covered, and time spent since the start in units of distance.
+double placeOf(const Discrepancy& d, const Observation& o, Eigen::Index i) {
+  return o.travel_m[i] + d.creep_mps * std::max(o.time_s[i], 0.0);
+}
+
+}  // namespace
+
+Eigen::MatrixXd computeFormCovariance(const Discrepancy& d, const Observation& o, const Eigen::VectorXd& change_n) {
+  const Eigen::Index n = o.time_s.size();
+  Eigen::MatrixXd covariance(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    for (Eigen::Index j = 0; j <= i; ++j) {
+      const double apart = std::abs(placeOf(d, o, i) - placeOf(d, o, j));
+      covariance(i, j) = covariance(j, i) =
+          d.form_share * d.form_share * change_n[i] * change_n[j] * computeMatern32(apart, d.form_length_m);
+    }
+  }
+  return covariance;
+}
+
 Eigen::MatrixXd computeDiscrepancyCovariance(const Discrepancy& d, const Observation& o,
                                              const Eigen::VectorXd& ice_force_n, const Eigen::VectorXd& chaos_n) {
   const Eigen::Index n = o.time_s.size();
   const double peak = ice_force_n.cwiseAbs().maxCoeff();
-  // Distance covered, and time spent since the start, in units of distance.
   Eigen::VectorXd place(n), smooth(n), rough(n), rest(n), turn = Eigen::VectorXd::Zero(n);
   for (Eigen::Index i = 0; i < n; ++i) {
     const bool moving = o.time_s[i] > 0.0;
-    place[i] = o.travel_m[i] + d.creep_mps * std::max(o.time_s[i], 0.0);
-    const double own = d.share * std::abs(ice_force_n[i]);
+    place[i] = placeOf(d, o, i);
+    const double own =
+        d.way_m.empty() ? d.share * std::abs(ice_force_n[i]) : peak * interpolated(d.way_m, d.sigma_share, o.way_m[i]);
     smooth[i] = moving ? std::sqrt(own * own + chaos_n[i] * chaos_n[i]) + d.share_of_peak * peak : 0.0;
     rough[i] = moving ? d.rough_share * std::abs(ice_force_n[i]) : 0.0;
     rest[i] = std::hypot(d.rest_share * peak, chaos_n[0]) * std::exp(-place[i] / d.rest_length_m);

@@ -95,10 +95,11 @@ LinearFit fitLinear(const Eigen::VectorXd& y, const LinearModel& m, const ErrorM
   assert(m.offset.size() == y.size() && m.columns.rows() == y.size());
   assert(m.prior_mean.size() == m.columns.cols() && m.prior_sigma.size() == m.columns.cols());
   assert(m.positive.size() == static_cast<std::size_t>(m.columns.cols()));
-  nlopt::opt search(nlopt::LN_BOBYQA, 1);
+  nlopt::opt search(nlopt::LN_SBPLX, 1);
   const double bound = std::log(kMaxKappa);
   search.set_lower_bounds(-bound);
   search.set_upper_bounds(bound);
+  search.set_initial_step(0.3);
   search.set_xtol_abs(1e-3);
   search.set_maxeval(60);
   struct Task {

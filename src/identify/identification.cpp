@@ -33,6 +33,8 @@ constexpr double kSampleRateHz = 20.0;
 constexpr std::size_t kConfirmed = 4;
 constexpr int kPasses = 2;
 constexpr int kLags = 20;
+/// Where references say how far the simulator is off, nothing is known better than this share of the largest force.
+constexpr double kReferenceFloor = 0.01;
 constexpr double kMeanWindowS = 1.0, kResidualWindowS = 4.5;
 
 // What is believed of the ice where the manifest does not say, as standard deviations.
@@ -87,7 +89,8 @@ struct Site {
   RecordCurves curves;
   Scenario scenario;  ///< of the baseline as given
   Eigen::VectorXd mean_n, chaos_n;
-  Eigen::MatrixXd slopes;  ///< a column per unknown of the baseline that this record has: ice, gap, clock
+  Eigen::VectorXd known_n;  ///< what the simulator is known to be off
+  Eigen::MatrixXd slopes;   ///< a column per unknown of the baseline that this record has: ice, gap, clock
   Eigen::Index first_row = 0;
 
   const Observation& observation() const { return curves.observation; }
@@ -119,6 +122,10 @@ class Chain {
 
   Identification run();
 
+  /// What is left of a lift without an effect after its baseline was refitted, over the largest force of the baseline
+  /// as given, with the way of each bin.
+  void residual(std::vector<double>& ways_m, std::vector<double>& shares);
+
  private:
   Site makeSite(const NamedRecord& named) const;
   Scenario scenarioAt(const Site& site, const Eigen::VectorXd& x, std::size_t index,
@@ -130,7 +137,8 @@ class Chain {
   std::vector<std::string> requestSignature(const Site& site, const Variant& variant);
   Eigen::MatrixXd signature(const Site& site, const Variant& variant);
   LinearModel linearModel(const Model& model) const;
-  void refit(Model& model) const { model.fit = fitLinear(data_, linearModel(model), errors_); }
+  ErrorModel errorsOf(const Model& model) const;
+  void refit(Model& model) const;
   Model linear(const std::vector<const Variant*>& variants) const;
   double findFalls(const Model& start, std::vector<double>& times, double& log_odds) const;
   double findSwell(const Model& start, std::vector<double>& periods, double& log_odds) const;
@@ -145,6 +153,7 @@ class Chain {
   void decide(Identification& result, const Model& baseline);
 
   const IdentifyInput& input_;
+  bool baseline_only_ = false;
   RunLibrary& runs_;
   const Thresholds& thresholds_;
   const Discrepancy& discrepancy_;
@@ -250,6 +259,10 @@ void Chain::simulateBaseline() {
             (site.bins(runs_.force(key), kShiftS) - site.bins(runs_.force(key), -kShiftS)) / (2.0 * kShiftS * seeds);
       }
       site.mean_n = forces.rowwise().mean();
+      site.known_n = Eigen::VectorXd::Zero(site.rows());
+      if (site.observation().ice_contact) {
+        site.known_n = computeKnownDiscrepancy(discrepancy_, site.observation(), site.mean_n.maxCoeff());
+      }
       site.chaos_n = Eigen::VectorXd::Zero(site.rows());
       if (seeds > 1) {
         const Eigen::VectorXd variance = (forces.colwise() - site.mean_n).rowwise().squaredNorm() / (seeds - 1);
@@ -271,7 +284,7 @@ void Chain::simulateBaseline() {
       }
     }
     if (pass == 0) {
-      addVariants();
+      if (!baseline_only_) addVariants();
       for (const auto& v : variants_) {
         for (const Site& site : sites_) requestSignature(site, *v);
       }
@@ -286,7 +299,7 @@ void Chain::simulateBaseline() {
     site.first_row = rows;
     rows += site.rows();
     data.push_back(site.observation().force_n);
-    offsets.push_back(site.mean_n);
+    offsets.push_back(site.mean_n + site.known_n);
   }
   data_ = stacked(data);
   baseline_offset_ = stacked(offsets);
@@ -407,6 +420,28 @@ LinearModel Chain::linearModel(const Model& model) const {
     }
   }
   return m;
+}
+
+/// Errors beside a model: those of the baseline, and what the law of its effects may be off at the present amplitudes.
+ErrorModel Chain::errorsOf(const Model& model) const {
+  ErrorModel errors = errors_;
+  if (model.effect_columns.cols() == 0 || model.fit.x.size() == 0) return errors;
+  const Eigen::VectorXd change = model.effect_columns * model.fit.x.tail(model.effect_columns.cols());
+  for (const Site& site : sites_) {
+    if (!site.observation().ice_contact) continue;
+    errors.noise.block(site.first_row, site.first_row, site.rows(), site.rows()) +=
+        computeFormCovariance(discrepancy_, site.observation(), change.segment(site.first_row, site.rows()));
+  }
+  return errors;
+}
+
+/// Twice where there is an effect: how far its law may be off depends on how much of it there is. The residual is
+/// judged by the baseline's allowance all the same.
+void Chain::refit(Model& model) const {
+  const LinearModel m = linearModel(model);
+  const bool has_effect = model.effect_columns.cols() > 0;
+  if (!has_effect || model.fit.x.size() != m.columns.cols()) model.fit = fitLinear(data_, m, errors_);
+  if (has_effect) model.fit = fitLinear(data_, m, errorsOf(model));
 }
 
 Model Chain::linear(const std::vector<const Variant*>& variants) const {
@@ -600,7 +635,7 @@ std::optional<Eigen::VectorXd> Chain::simulated(const Model& model, const Eigen:
       }
       mean += site.bins(force, delay) / seeds;
     }
-    parts.push_back(mean);
+    parts.push_back(mean + site.known_n);
   }
   return stacked(parts);
 }
@@ -799,7 +834,8 @@ void Chain::evaluateHoldout(const std::vector<Model*>& models, Identification& r
     const double delay = bestDelay(site, forces);
     Eigen::VectorXd mean = Eigen::VectorXd::Zero(site.rows());
     for (const SimulatedForce& force : forces) mean += site.bins(force, delay) / static_cast<double>(forces.size());
-    curves[model] = mean;
+    if (model == &given) site.known_n = computeKnownDiscrepancy(discrepancy_, site.observation(), mean.maxCoeff());
+    curves[model] = model == &given ? mean : Eigen::VectorXd(mean + site.known_n);
   }
   if (curves.count(&given) == 0) return;
   site.mean_n = curves[&given];
@@ -928,7 +964,8 @@ void Chain::decide(Identification& result, const Model& baseline) {
   result.portmanteau_p = computeLjungBox(baseline.fit.whitened, kLags);
   result.kappa = baseline.fit.kappa;
   const bool excess = result.chi2_per_bin > thresholds_.chi2_per_bin;
-  result.significant = excess || result.portmanteau_p < thresholds_.portmanteau_p;
+  // Residuals that are smaller than what is allowed for may be correlated: the allowance is not known that finely.
+  result.significant = excess || (result.chi2_per_bin > 1.0 && result.portmanteau_p < thresholds_.portmanteau_p);
 
   bool partial = false;
   for (const Finding& finding : sites_.front().curves.report.findings) {
@@ -969,6 +1006,22 @@ void Chain::decide(Identification& result, const Model& baseline) {
     result.verdict = Verdict::kCannotTell;
   } else {
     result.verdict = result.significant ? Verdict::kUnknown : Verdict::kNone;
+  }
+}
+
+void Chain::residual(std::vector<double>& ways_m, std::vector<double>& shares) {
+  baseline_only_ = true;
+  sites_.push_back(makeSite(input_.records.front()));
+  ice_ = iceUnknowns(sites_.front().curves.record);
+  simulateBaseline();
+  const Site& site = sites_.front();
+  if (!site.observation().ice_contact) return;
+  const Eigen::VectorXd left = data_ - linear({}).fit.mean + site.known_n;
+  const double peak = site.mean_n.maxCoeff();
+  for (Eigen::Index i = 0; i < site.rows(); ++i) {
+    if (site.observation().time_s[i] <= 0.0) continue;
+    ways_m.push_back(site.observation().way_m[i]);
+    shares.push_back(left[i] / peak);
   }
 }
 
@@ -1074,6 +1127,7 @@ Identification Chain::run() {
     c.total_sigma_n = covariance.diagonal().cwiseSqrt();
     result.records.push_back(c);
   }
+  result.whitened_before = baseline.fit.whitened;
   result.autocorrelation_before = computeAutocorrelation(baseline.fit.whitened, kLags);
   if (best != nullptr) {
     result.autocorrelation_after = computeAutocorrelation(best->fit.whitened, kLags);
@@ -1181,7 +1235,30 @@ const char* verdictName(Verdict verdict) {
 Identification identify(const IdentifyInput& input, RunLibrary& runs, const Thresholds& thresholds,
                         const Discrepancy& discrepancy) {
   const auto start = std::chrono::steady_clock::now();
-  Identification result = Chain(input, runs, thresholds, discrepancy).run();
+  Identification result;
+  result.discrepancy = discrepancy;
+  if (!input.references.empty()) {
+    // What is left depends on how much the fit allows for. It starts with little, so that the ice has to explain what
+    // it can, and settles within a few passes.
+    constexpr int kLearningPasses = 4;
+    constexpr double kLittle = 0.03;
+    result.discrepancy.share = kLittle;
+    result.discrepancy.share_of_peak = 0.0;
+    for (int pass = 0; pass < kLearningPasses; ++pass) {
+      std::vector<std::vector<double>> ways(input.references.size()), shares(input.references.size());
+      for (std::size_t i = 0; i < input.references.size(); ++i) {
+        IdentifyInput reference;
+        reference.records.push_back(input.references[i]);
+        Chain(reference, runs, thresholds, result.discrepancy).residual(ways[i], shares[i]);
+      }
+      result.discrepancy = learnDiscrepancy(ways, shares, result.discrepancy);
+    }
+    result.discrepancy.share = discrepancy.share;
+    result.discrepancy.share_of_peak = kReferenceFloor;
+  }
+  const Discrepancy learned = result.discrepancy;
+  result = Chain(input, runs, thresholds, learned).run();
+  result.discrepancy = learned;
   result.runs_needed = runs.requested();
   result.runs_made = runs.made();
   result.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

@@ -123,7 +123,8 @@ Json rankingJson(const Identification& id) {
 
 }  // namespace
 
-std::string toJson(const Identification& id, const Thresholds& t, const Discrepancy& d) {
+std::string toJson(const Identification& id, const Thresholds& t) {
+  const Discrepancy& d = id.discrepancy;
   Json further = Json::array();
   for (std::size_t i = 1; i < id.records.size(); ++i) further.push_back(recordJson(id.records[i]));
   Json baseline = Json::array(), detectable = Json::array(), confusable = Json::array(), next = Json::array();
@@ -179,13 +180,16 @@ std::string toJson(const Identification& id, const Thresholds& t, const Discrepa
                         {"file", "src/identify/thresholds.cpp"}};
   for (const auto& [name, value] : t.own) json["thresholds"]["own." + name] = value;
   json["noise"] = {{"white_n", first.observation.noise.white_n}, {"slow_n", first.observation.noise.slow_n}};
-  json["discrepancy"] = {{"share", d.share},
+  json["discrepancy"] = {{"from_references", !d.way_m.empty()},
+                         {"share", d.share},
                          {"share_of_peak", d.share_of_peak},
                          {"length_m", d.length_m},
                          {"rough_share", d.rough_share},
                          {"rough_length_m", d.rough_length_m},
                          {"turn_share", d.turn_share},
                          {"turn_length_m", d.turn_length_m},
+                         {"form_share", d.form_share},
+                         {"form_length_m", d.form_length_m},
                          {"rest_share", d.rest_share},
                          {"rest_length_m", d.rest_length_m},
                          {"creep_mps", d.creep_mps}};
@@ -197,6 +201,7 @@ std::string toJson(const Identification& id, const Thresholds& t, const Discrepa
     json["holdout"] = errorsJson(id.holdout.front());
     json["holdout_series"] = seriesJson(id.holdout.front());
   }
+  json["whitened_before"] = toJson(id.whitened_before);
   json["autocorrelation"] = {
       {"lag_s", lags}, {"before", id.autocorrelation_before}, {"after", nullptr}, {"band", band}};
   if (!id.autocorrelation_after.empty()) json["autocorrelation"]["after"] = id.autocorrelation_after;
@@ -222,17 +227,16 @@ bool runIdentify(const IdentifyOptions& options) {
   for (const char* name : {"/report.json", "/report.html", "/overlay.yaml"}) removeFile(directory + name);
   Identification result;
   const Thresholds thresholds = identificationThresholds();
-  const Discrepancy discrepancy = identificationDiscrepancy();
   try {
     RunLibrary runs(options.cache.empty() ? directory + "/runs" : options.cache, pool, messages);
-    result = identify(options.input, runs, thresholds, discrepancy);
+    result = identify(options.input, runs, thresholds, identificationDiscrepancy());
   } catch (const Interrupted&) {
     messages.finish();
     std::fprintf(stderr, "interrupted; the same command goes on where it was\n");
     return false;
   }
   messages.finish();
-  replaceFile(directory + "/report.json", toJson(result, thresholds, discrepancy));
+  replaceFile(directory + "/report.json", toJson(result, thresholds));
   replaceFile(directory + "/overlay.yaml", "# Verdict: " + std::string(verdictName(result.verdict)) +
                                                ". What makes the model of this record out of the default scenario.\n" +
                                                (result.overlay.empty() ? "{}\n" : result.overlay));

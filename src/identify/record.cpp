@@ -23,7 +23,7 @@ constexpr int kMaxDepth = 4;  // of maps in `rig`: YAML aliases can nest without
 
 const std::vector<std::string>& manifestKeys() {
   static const std::vector<std::string> kKeys = {"title", "source",   "tare_n", "position", "rig",
-                                                "ice",   "commands", "motion", "notes"};
+                                                 "ice",   "commands", "motion", "notes"};
   return kKeys;
 }
 

@@ -112,5 +112,39 @@ TEST(Covariance, NoiseHasItsVarianceOnTheDiagonalAndForgets) {
   EXPECT_NEAR(k(0, 399), 1600.0 / 3.0 * std::exp(-99.75 / 30.0), 1e-6);
 }
 
+TEST(Covariance, ReferencesTeachTheirMeanAndScatter) {
+  // Two lifts that are off by 2 and 4 % low, by 0 and 0 high: mean 3 %, deviation sqrt(2) %, of a mean of two.
+  const std::vector<double> ways = {0.05, 0.06, 1.85, 1.86};
+  const Discrepancy learned =
+      learnDiscrepancy({ways, ways}, {{0.02, 0.02, 0.0, 0.0}, {0.04, 0.04, 0.0, 0.0}}, Discrepancy());
+  ASSERT_EQ(learned.way_m.size(), 2u);
+  EXPECT_NEAR(learned.way_m[0], 0.06, 1e-12);
+  EXPECT_NEAR(learned.mean_share[0], 0.03, 1e-12);
+  EXPECT_NEAR(learned.mean_share[1], 0.0, 1e-12);
+  // Averaged over the neighbouring cells, of which there is one: sqrt((0.0002 * 1.5 + 0) / 2).
+  EXPECT_NEAR(learned.sigma_share[0], std::sqrt(0.00015), 1e-12);
+}
+
+TEST(Covariance, OneReferenceSaysNothingOfTheScatter) {
+  Discrepancy before;
+  before.share = 0.07;
+  const Discrepancy learned = learnDiscrepancy({{0.5}}, {{0.1}}, before);
+  EXPECT_EQ(learned.mean_share, std::vector<double>{0.1});
+  EXPECT_NEAR(learned.sigma_share[0], 0.07, 1e-15);
+}
+
+TEST(Covariance, WhatAnEffectsLawMayBeOffGrowsWithTheEffect) {
+  Observation o;
+  o.time_s = Eigen::Vector3d(0.5, 1.0, 20.0);
+  o.travel_m = Eigen::Vector3d(0.0, 0.03, 1.0);
+  Discrepancy d;
+  d.form_share = 0.5;
+  const Eigen::MatrixXd k = computeFormCovariance(d, o, Eigen::Vector3d(100.0, -200.0, 0.0));
+  EXPECT_NEAR(k(0, 0), 2500.0, 1e-9);
+  EXPECT_NEAR(k(1, 1), 10000.0, 1e-9);
+  EXPECT_LT(k(0, 1), 0.0);
+  EXPECT_EQ(k(2, 2), 0.0);
+}
+
 }  // namespace
 }  // namespace brash_ice_rig

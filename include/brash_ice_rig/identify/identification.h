@@ -96,8 +96,10 @@ struct Identification {
   std::vector<DetectableMagnitude> minimum_detectable;
   std::vector<ConfusableSet> confusable;
   std::vector<NextExperiment> next_experiment;
+  Eigen::VectorXd whitened_before;  ///< residual of the refitted baseline in units of what is allowed, bin by bin
   std::vector<double> autocorrelation_before, autocorrelation_after;
-  std::string overlay;  ///< YAML of baseline and effect; empty if there is nothing to change
+  Discrepancy discrepancy;  ///< as it was used
+  std::string overlay;      ///< YAML of baseline and effect; empty if there is nothing to change
   std::size_t runs_needed = 0, runs_made = 0;
   double wall_s = 0.0;
 };
@@ -110,7 +112,9 @@ struct NamedRecord {
 struct IdentifyInput {
   std::vector<NamedRecord> records;    ///< at least one; fitted together
   std::optional<NamedRecord> holdout;  ///< must be predicted
-  bool screen_only = false;            ///< rank by straight lines and confirm nothing: a quick look
+  std::vector<NamedRecord>
+      references;            ///< lifts of this rig without an effect: they teach how far the simulator is off
+  bool screen_only = false;  ///< rank by straight lines and confirm nothing: a quick look
 };
 
 /// The whole chain from records to a verdict.
@@ -119,7 +123,7 @@ Identification identify(const IdentifyInput& input, RunLibrary& runs, const Thre
                         const Discrepancy& discrepancy);
 
 /// report.json; the schema is in doc/identification.md.
-std::string toJson(const Identification& identification, const Thresholds& thresholds, const Discrepancy& discrepancy);
+std::string toJson(const Identification& identification, const Thresholds& thresholds);
 
 struct IdentifyOptions {
   IdentifyInput input;

@@ -34,8 +34,8 @@ struct Record {
   std::string notes;
   std::string commands_file;  ///< the record is a run of ours, which these commands repeat exactly; empty: it is not
   std::string motion_file;    ///< procedure.motion_file of that run; empty: it had none
-  ScenarioSources sources;  ///< what `rig` and `ice` say: a file or none, and settings
-  Scenario scenario;        ///< composed from these, defaults elsewhere
+  ScenarioSources sources;    ///< what `rig` and `ice` say: a file or none, and settings
+  Scenario scenario;          ///< composed from these, defaults elsewhere
 
   std::vector<std::string> assumptions;     ///< what the files left open and how it was filled, a sentence each
   std::vector<std::string> unused_columns;  ///< of the CSV file

@@ -56,7 +56,8 @@ std::vector<IceUnknown> iceUnknowns(const Record& record) {
   const IceConfig& ice = record.scenario.ice;
   std::vector<IceUnknown> unknowns = {
       {"ice.void_fraction", "1", &IceConfig::void_fraction, ice.void_fraction, kVoidSigma, 0.05, 0.95},
-      {"ice.cohesion_pa", "Pa", &IceConfig::cohesion_pa, ice.cohesion_pa, kCohesionShare * ice.cohesion_pa, 1.0, 1.0e5},
+      {"ice.cohesion_pa", "Pa", &IceConfig::cohesion_pa, ice.cohesion_pa, kCohesionShare * ice.cohesion_pa,
+       0.25 * ice.cohesion_pa, 4.0 * ice.cohesion_pa},
       {"ice.friction_angle_deg", "deg", &IceConfig::friction_angle_deg, ice.friction_angle_deg, kFrictionSigmaDeg, 5.0,
        70.0}};
   for (IceUnknown& u : unknowns) {
@@ -106,6 +107,7 @@ struct Site {
 /// A model at the point where it was simulated last.
 struct Model {
   std::vector<const Variant*> variants;
+  double screened = 0.0;        ///< ln of the Bayes factor before anything was simulated
   double shape_log_odds = 0.0;  ///< what the choice of the shape costs, <= 0
   Eigen::VectorXd offset;       ///< such that offset + columns x is the force
   Eigen::MatrixXd effect_columns;
@@ -673,7 +675,9 @@ Explanation Chain::explain(const Model& model, const Model& baseline) const {
     e.threshold = std::max(e.threshold, thresholds_.of(v->effect->name));
   }
   e.confirmed = model.simulated;
-  e.log_bayes_factor = model.fit.log_evidence + model.shape_log_odds - baseline.fit.log_evidence;
+  // The baseline's evidence has changed since those were screened that nobody simulated.
+  e.log_bayes_factor =
+      model.simulated ? model.fit.log_evidence + model.shape_log_odds - baseline.fit.log_evidence : model.screened;
   e.chi2_per_bin = model.fit.chi2_per_datum;
   const double excess = baseline.fit.chi2_per_datum - 1.0;
   e.explained_ratio = excess > 0.0 ? (baseline.fit.chi2_per_datum - e.chi2_per_bin) / excess : kNaN;
@@ -972,7 +976,17 @@ void Chain::decide(Identification& result, const Model& baseline) {
     partial = partial || finding.code == "too_short" || finding.code == "no_contact";
   }
 
+  // A second effect has to show on the held-out record, too: the pair must predict it better than either alone.
+  const auto earnsItsPlace = [&](const Explanation& pair) {
+    for (const Explanation& e : result.ranking) {
+      const bool part = e.effects.size() == 1 && e.confirmed &&
+                        std::count(pair.effects.begin(), pair.effects.end(), e.effects[0]) > 0;
+      if (part && e.holdout_rmse_n < pair.holdout_rmse_n * thresholds_.holdout_ratio) return false;
+    }
+    return true;
+  };
   const auto holds = [&](const Explanation& e) {
+    if (e.effects.size() > 1 && !earnsItsPlace(e)) return false;
     return e.confirmed && e.log_bayes_factor > e.threshold && !(e.holdout_ratio > thresholds_.holdout_ratio) &&
            (!excess || e.explained_ratio >= thresholds_.explained_ratio);
   };
@@ -1055,6 +1069,7 @@ Identification Chain::run() {
     }
     if (!best) continue;
     best->shape_log_odds += logMeanExp(evidence) - best->fit.log_evidence;
+    best->screened = best->fit.log_evidence + best->shape_log_odds - baseline.fit.log_evidence;
     models.push_back(*best);
   }
   const auto score = [](const Model& m) { return m.fit.log_evidence + m.shape_log_odds; };

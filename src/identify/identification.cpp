@@ -969,7 +969,8 @@ void Chain::decide(Identification& result, const Model& baseline) {
   result.kappa = baseline.fit.kappa;
   const bool excess = result.chi2_per_bin > thresholds_.chi2_per_bin;
   // Residuals that are smaller than what is allowed for may be correlated: the allowance is not known that finely.
-  result.significant = excess || (result.chi2_per_bin > 1.0 && result.portmanteau_p < thresholds_.portmanteau_p);
+  result.significant = excess || (result.chi2_per_bin > thresholds_.portmanteau_chi2_per_bin &&
+                                  result.portmanteau_p < thresholds_.portmanteau_p);
 
   bool partial = false;
   for (const Finding& finding : sites_.front().curves.report.findings) {

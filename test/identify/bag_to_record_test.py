@@ -66,7 +66,7 @@ class BagToRecord(unittest.TestCase):
         return os.path.join(self.directory.name, name)
 
     def run_script(self, *arguments):
-        return subprocess.run([SCRIPT, *arguments], capture_output=True, text=True, check=False)
+        return subprocess.run([sys.executable, SCRIPT, *arguments], capture_output=True, text=True, check=False)
 
     def convert(self, *arguments):
         outcome = self.run_script(self.bag_file, *arguments)

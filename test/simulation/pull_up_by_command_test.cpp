@@ -38,13 +38,14 @@ TEST(PullUpByCommand, LiftAfterSettlingHasTheBitsOfTheScript) {
   EXPECT_FALSE(all.has(StatusFlag::kCommandTimeout));
   EXPECT_NE(commanded.stateHash(), hash_at_start);
   // The hash takes in stage and commands, which differ on purpose; the world may not.
-  const ParticleCloud moved = commanded.particles(), scripted = script.particles();
-  EXPECT_EQ(moved.x_m, scripted.x_m);
-  EXPECT_EQ(moved.y_m, scripted.y_m);
-  EXPECT_EQ(moved.z_m, scripted.z_m);
-  EXPECT_EQ(moved.speed_mps, scripted.speed_mps);
-  EXPECT_EQ(moved.pressure_pa, scripted.pressure_pa);
-  EXPECT_EQ(moved.plastic_strain, scripted.plastic_strain);
+  const ParticleCloud by_command = commanded.particles(), by_script = script.particles();
+  EXPECT_EQ(by_command.x_m, by_script.x_m);
+  EXPECT_EQ(by_command.y_m, by_script.y_m);
+  EXPECT_EQ(by_command.z_m, by_script.z_m);
+  EXPECT_EQ(by_command.speed_mps, by_script.speed_mps);
+  EXPECT_EQ(by_command.pressure_pa, by_script.pressure_pa);
+  EXPECT_EQ(by_command.plastic_strain, by_script.plastic_strain);
+  EXPECT_EQ(by_command.damage, by_script.damage);
   EXPECT_EQ(commanded.snapshot().tension_n, script.snapshot().tension_n);
   EXPECT_EQ(commanded.snapshot().rig.crane_position_m, script.snapshot().rig.crane_position_m);
   EXPECT_EQ(commanded.activeParticleSteps(), script.activeParticleSteps());

@@ -126,6 +126,10 @@ TakenCommand toTakenCommand(const Stamp& stamp, const RigCommand& command, std::
   message.has_fold_target = command.fold_target.has_value();
   message.fold_target = command.fold_target.value_or(0.0);
   message.tare = command.tare;
+  message.has_load_cell_noise = command.load_cell_noise_n.has_value();
+  message.load_cell_noise_n = command.load_cell_noise_n.value_or(0.0);
+  message.has_load_cell_resolution = command.load_cell_resolution_n.has_value();
+  message.load_cell_resolution_n = command.load_cell_resolution_n.value_or(0.0);
   return message;
 }
 
@@ -153,19 +157,17 @@ sensor_msgs::JointState toJointState(const Stamp& stamp, const Snapshot& snapsho
   return message;
 }
 
-sensor_msgs::PointCloud2 toPointCloud(const Stamp& stamp, const ParticleCloud& particles) {
+sensor_msgs::PointCloud2 toPointCloud(const Stamp& stamp, const ParticleCloud& particles, const LiveOptions& options) {
   struct Column {
     const char* name;
     const std::vector<float>& values;
   };
-  const std::array<Column, 8> columns = {{{"x", particles.x_m},
-                                          {"y", particles.y_m},
-                                          {"z", particles.z_m},
-                                          {"speed", particles.speed_mps},
-                                          {"pressure", particles.pressure_pa},
-                                          {"plastic_strain", particles.plastic_strain},
-                                          {"damage", particles.damage},
-                                          {"submerged", particles.submerged}}};
+  std::vector<Column> columns = {{"x", particles.x_m}, {"y", particles.y_m}, {"z", particles.z_m}};
+  if (options.points_speed) columns.push_back({"speed", particles.speed_mps});
+  if (options.points_pressure) columns.push_back({"pressure", particles.pressure_pa});
+  if (options.points_plastic_strain) columns.push_back({"plastic_strain", particles.plastic_strain});
+  if (options.points_damage) columns.push_back({"damage", particles.damage});
+  if (options.points_submerged) columns.push_back({"submerged", particles.submerged});
   sensor_msgs::PointCloud2 cloud;
   cloud.header = stamp.header(frames::kMap);
   cloud.height = 1;

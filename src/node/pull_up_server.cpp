@@ -37,9 +37,9 @@ PullUpResult makeEmptyResult(const std::string& message) {
 }  // namespace
 
 PullUpServer::PullUpServer(const ros::NodeHandle& node, const Scenario& scenario, double feedback_rate_hz, Rig rig)
-    : scenario_(scenario),
-      feedback_period_s_(1.0 / feedback_rate_hz),
+    : feedback_period_s_(1.0 / feedback_rate_hz),
       rig_(std::move(rig)),
+      scenario_(scenario),
       node_(node, topics::kPullUp),
       server_(
           node, topics::kPullUp, [this](GoalHandle goal) { onGoal(std::move(goal)); },
@@ -60,6 +60,16 @@ PullUpServer::PullUpServer(const ros::NodeHandle& node, const Scenario& scenario
       },
       [this](const ros::SingleSubscriberPublisher& listener) { onListenerLost(listener.getSubscriberName()); });
   server_.start();
+}
+
+void PullUpServer::useScenario(const Scenario& scenario) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  scenario_ = scenario;
+}
+
+bool PullUpServer::busy() {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return run_.has_value();
 }
 
 void PullUpServer::onGoal(GoalHandle goal) {

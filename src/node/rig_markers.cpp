@@ -62,18 +62,18 @@ Marker makeNet(const std_msgs::Header& header, const CollectorConfig& collector,
   return net;
 }
 
-double lengthOf(double force_n) {
-  return std::isfinite(force_n) ? kMarkerMetresPerNewton * force_n : 0.0;
+double lengthOf(double force_n, double metres_per_newton) {
+  return std::isfinite(force_n) ? metres_per_newton * force_n : 0.0;
 }
 
 /// Down from the load cell: the pull of the rig on the crane.
-Marker makeForceArrow(const std_msgs::Header& header, double force_n) {
+Marker makeForceArrow(const std_msgs::Header& header, double length_m) {
   Marker arrow = makeMarker(header, "force", Marker::ARROW, makeColor(0.9F, 0.1F, 0.1F, 1.0F));
   arrow.scale.x = 0.12;
   arrow.scale.y = 0.3;
   arrow.scale.z = 0.35;
   arrow.points.push_back(makePoint(0.0, 0.0, 0.0));
-  arrow.points.push_back(makePoint(0.0, 0.0, -lengthOf(force_n)));
+  arrow.points.push_back(makePoint(0.0, 0.0, -length_m));
   return arrow;
 }
 
@@ -96,12 +96,13 @@ Marker makeLine(const std_msgs::Header& load_cell, const char* name, int row, in
 
 /// One bar on the other beside the pole: those that pull down hang below the load cell, those that lift stand above.
 /// To the right of them a line of text each.
-void appendComponents(const std_msgs::Header& header, const Snapshot& snapshot, std::vector<Marker>& markers) {
+void appendComponents(const std_msgs::Header& header, const Snapshot& snapshot, double metres_per_newton,
+                      std::vector<Marker>& markers) {
   double hanging_m = 0.0, standing_m = 0.0;
   int id = 0;
   for (const ForcePart& part : splitTension(snapshot)) {
     const auto color = makeColor(part.color_rgb[0], part.color_rgb[1], part.color_rgb[2], 1.0F);
-    const double length_m = lengthOf(part.force_n);
+    const double length_m = lengthOf(part.force_n, metres_per_newton);
     double& end_m = length_m >= 0.0 ? hanging_m : standing_m;
     Marker bar = makeMarker(header, "components", Marker::CUBE, color);
     bar.id = 100 + id;
@@ -157,7 +158,7 @@ std::array<ForcePart, 5> splitTension(const Snapshot& snapshot) {
 }
 
 visualization_msgs::MarkerArray toMarkers(const Stamp& stamp, const Scenario& scenario, const Snapshot& snapshot,
-                                          const PlugOutline& plug) {
+                                          const PlugOutline& plug, double metres_per_newton) {
   const auto map = stamp.header(frames::kMap);
   const auto load_cell = stamp.header(frames::kLoadCell);
   visualization_msgs::MarkerArray array;
@@ -170,8 +171,8 @@ visualization_msgs::MarkerArray toMarkers(const Stamp& stamp, const Scenario& sc
   array.markers.push_back(water);
   array.markers.push_back(makeNet(stamp.header(frames::kCollector), scenario.collector, snapshot.rig));
 
-  array.markers.push_back(makeForceArrow(load_cell, snapshot.force_n));
-  appendComponents(load_cell, snapshot, array.markers);
+  array.markers.push_back(makeForceArrow(load_cell, lengthOf(snapshot.force_n, metres_per_newton)));
+  appendComponents(load_cell, snapshot, metres_per_newton, array.markers);
   Marker text = makeMarker(load_cell, "text", Marker::TEXT_VIEW_FACING, makeColor(1.0F, 1.0F, 1.0F, 1.0F));
   text.scale.z = kLineHeightM;
   text.pose.position.z = 1.2;

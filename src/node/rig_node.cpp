@@ -17,6 +17,7 @@
 #include <std_msgs/String.h>
 
 #include "brash_ice_rig/node/rig_markers.h"
+#include "brash_ice_rig/node/rig_urdf.h"
 #include "brash_ice_rig/node/topic_names.h"
 #include "brash_ice_rig/system/child_process.h"
 #include "brash_ice_rig/version.h"
@@ -72,12 +73,11 @@ RigNode::RigNode(const NodeOptions& options, const ros::NodeHandle& node, const 
     : options_(options),
       scenario_(loadScenario(options.sources)),
       simulation_(std::make_unique<Simulation>(scenario_)),
-      pacer_(options.real_time_factor),
+      pacer_(options.live.real_time_factor),
       paused_(options.start_paused),
       node_(node),
       private_node_(private_node) {
-  steps_per_sample_ =
-      static_cast<std::uint64_t>(std::max(1L, std::lround(simulation_->samplePeriod() / simulation_->timeStep())));
+  adoptScenario();
   clock_offset_s_ = kFirstStampS - simulation_->snapshot().time_s;
   startRun();
 
@@ -93,16 +93,7 @@ RigNode::RigNode(const NodeOptions& options, const ros::NodeHandle& node, const 
   joints_publisher_ = node_.advertise<sensor_msgs::JointState>(topics::kJointStates, 50);
   markers_publisher_ = node_.advertise<visualization_msgs::MarkerArray>(topics::kMarkers, 2);
   scenario_publisher_ = node_.advertise<std_msgs::String>(topics::kScenario, 1, true);
-  std_msgs::String scenario_text;
-  scenario_text.data = std::string("# brash_ice_rig ") + kVersion + "\n" + toYaml(scenario_);
-  scenario_publisher_.publish(scenario_text);
-  if (!scenario_.procedure.motion_file.empty()) {
-    motion_file_publisher_ = node_.advertise<std_msgs::String>(topics::kMotionFile, 1, true);
-    std_msgs::String motion;
-    std::ifstream file(scenario_.procedure.motion_file, std::ios::binary);
-    motion.data.assign(std::istreambuf_iterator<char>(file), {});
-    motion_file_publisher_.publish(motion);
-  }
+  publishScenario();
   // Latched: whoever joins before anything was told learns where the run began.
   commands_publisher_ = node_.advertise<TakenCommand>(topics::kCommands, 1000, true);
   publishRunStart();
@@ -115,11 +106,11 @@ RigNode::RigNode(const NodeOptions& options, const ros::NodeHandle& node, const 
       topics::kFoldCommand, 1,
       boost::function<void(const ros::MessageEvent<std_msgs::Float64 const>&)>(
           [this](const ros::MessageEvent<std_msgs::Float64 const>& event) { onFoldCommand(event); }));
-  pull_up_.emplace(node_, scenario_, options_.joints_rate_hz, rigForPullUp());
+  pull_up_.emplace(node_, scenario_, options_.live.joints_rate_hz, rigForPullUp());
 
   advertiseTrigger(private_node_, services::kPause, [this] { return ask([this] { return pause(); }); });
   advertiseTrigger(private_node_, services::kResume, [this] { return ask([this] { return resume(); }); });
-  advertiseTrigger(private_node_, services::kReset, [this] { return ask([this] { return reset(); }); });
+  advertiseTrigger(private_node_, services::kReset, [this] { return askForWorld([this] { return reset(); }); });
   advertiseTrigger(node_, services::kTare, [this] { return tare(); });
   services_.push_back(private_node_.advertiseService<Step::Request, Step::Response>(
       services::kStep,
@@ -132,8 +123,11 @@ RigNode::RigNode(const NodeOptions& options, const ros::NodeHandle& node, const 
       })));
 
   advertiseCheckpoint(services::kSaveCheckpoint, [this](const std::string& path) { return saveCheckpoint(path); });
-  advertiseCheckpoint(services::kLoadCheckpoint,
-                      [this](const std::string& path) { return ask([this, path] { return loadCheckpoint(path); }); });
+  advertiseCheckpoint(services::kLoadCheckpoint, [this](const std::string& path) {
+    return askForWorld([this, path] { return loadCheckpoint(path); });
+  });
+  advertiseLoadScenario();
+  reconfigure_.emplace(private_node_, liveSettings(), rigForReconfigure());
 
   addDiagnostics();
   if (options_.publish_clock) warnAboutForeignClock();
@@ -171,6 +165,44 @@ void RigNode::advertiseCheckpoint(const char* name, std::function<Answer(const s
                   response.message = answer.message;
                   return true;
                 })));
+}
+
+void RigNode::advertiseLoadScenario() {
+  using Service = ::brash_ice_rig::LoadScenario;
+  services_.push_back(private_node_.advertiseService<Service::Request, Service::Response>(
+      services::kLoadScenario, boost::function<bool(Service::Request&, Service::Response&)>(
+                                   [this](Service::Request& request, Service::Response& response) {
+                                     const Answer answer =
+                                         askForWorld([this, &request] { return loadScenarioFor(request); });
+                                     response.success = answer.success;
+                                     response.message = answer.message;
+                                     return true;
+                                   })));
+}
+
+RigNode::Answer RigNode::askForWorld(std::function<Answer()> work) {
+  const Answer answer = ask(std::move(work));
+  reconfigure_->refresh();
+  return answer;
+}
+
+ReconfigureServer::Rig RigNode::rigForReconfigure() {
+  ReconfigureServer::Rig rig;
+  rig.present = [this] {
+    std::optional<LiveSettings> present;
+    ask([&] {
+      present = liveSettings();
+      return Answer{true, ""};
+    });
+    return present;
+  };
+  rig.change = [this](const LiveSettings& wanted) {
+    ask([&] {
+      changeLiveSettings(wanted);
+      return Answer{true, ""};
+    });
+  };
+  return rig;
 }
 
 RigNode::Answer RigNode::onCheckpointFile(const std::string& name,
@@ -304,8 +336,6 @@ int RigNode::run() {
 }
 
 void RigNode::simulateUntilEnd() {
-  const auto status_period =
-      std::chrono::duration_cast<WallClock::duration>(std::chrono::duration<double>(1.0 / options_.status_rate_hz));
   last_diagnostics_ = WallClock::now();
   next_status_ = last_diagnostics_;
   pacer_.restart(last_diagnostics_);
@@ -316,7 +346,8 @@ void RigNode::simulateUntilEnd() {
     if (now >= next_status_) {
       publishStatus(now);
       if (idle()) publishIdleFrame();
-      next_status_ = now + status_period;
+      next_status_ = now + std::chrono::duration_cast<WallClock::duration>(
+                               std::chrono::duration<double>(1.0 / options_.live.status_rate_hz));
     }
     if (!script_done_ && simulation_->finished()) {
       script_done_ = true;
@@ -394,6 +425,66 @@ RigNode::Answer RigNode::loadCheckpoint(const std::string& path) {
   return replaceWorld(std::move(world), &file, text);
 }
 
+void RigNode::adoptScenario() {
+  scenario_ = simulation_->scenario();
+  steps_per_sample_ =
+      static_cast<std::uint64_t>(std::max(1L, std::lround(simulation_->samplePeriod() / simulation_->timeStep())));
+}
+
+RigNode::Answer RigNode::loadScenarioFor(const LoadScenarioRequest& request) {
+  if (options_.scenario_dir.empty()) return {false, "the parameter ~scenario_dir does not say where"};
+  std::string reason = reasonAgainstLoad(simulation_->snapshot());
+  if (reason.empty() && pull_up_->busy()) reason = "a goal of the action pull_up is running; cancel it first";
+  if (!reason.empty()) return {false, reason};
+  const ScenarioSources sources = resolveScenarioRequest(request, options_.scenario_dir, options_.sources);
+  const Scenario scenario = loadScenario(sources);
+  auto world = std::make_unique<Simulation>(scenario);
+  const std::string urdf = makeRigUrdf(scenario, options_.frame_prefix);
+  const bool other_shape = urdf != makeRigUrdf(scenario_, options_.frame_prefix);
+  std::string message = "loaded \"" + scenario.title + "\", ";
+  message += scenario.procedure.control == ControlMode::kManual ? "manual control" : "the script drives";
+  if (other_shape && ros::param::has("robot_description")) {
+    ros::param::set("robot_description", urdf);
+    message += "; robot_description is another: restart robot_state_publisher and rviz to see the rig as it is now";
+  }
+  const Answer answer = replaceWorld(std::move(world), nullptr, message);
+  options_.sources = sources;
+  ROS_INFO("%s", answer.message.c_str());
+  return answer;
+}
+
+LiveSettings RigNode::liveSettings() const {
+  return {options_.live, simulation_->loadCellNoise(), simulation_->loadCellResolution()};
+}
+
+/// Noise and resolution go through the simulation, which tells with which sample they began.
+void RigNode::changeLiveSettings(const LiveSettings& wanted) {
+  const LiveSettings before = liveSettings();
+  if (wanted.load_cell_noise_n != before.load_cell_noise_n) simulation_->setLoadCellNoise(wanted.load_cell_noise_n);
+  if (wanted.load_cell_resolution_n != before.load_cell_resolution_n) {
+    simulation_->setLoadCellResolution(wanted.load_cell_resolution_n);
+  }
+  options_.live = wanted.options;
+  if (wanted.options.real_time_factor != before.options.real_time_factor) {
+    pacer_ = RealTimePacer(wanted.options.real_time_factor);
+    pacer_.restart(WallClock::now());
+  }
+  next_status_ = WallClock::now();
+}
+
+void RigNode::publishScenario() {
+  std_msgs::String text;
+  text.data = std::string("# brash_ice_rig ") + kVersion + "\n" + toYaml(scenario_);
+  scenario_publisher_.publish(text);
+  motion_file_publisher_.shutdown();
+  if (scenario_.procedure.motion_file.empty()) return;
+  motion_file_publisher_ = node_.advertise<std_msgs::String>(topics::kMotionFile, 1, true);
+  std_msgs::String motion;
+  std::ifstream file(scenario_.procedure.motion_file, std::ios::binary);
+  motion.data.assign(std::istreambuf_iterator<char>(file), {});
+  motion_file_publisher_.publish(motion);
+}
+
 /// ROS time goes on by a sample, whatever time it is in the new world.
 RigNode::Answer RigNode::replaceWorld(std::unique_ptr<Simulation> world, CheckpointReader* resumed,
                                       std::string message) {
@@ -403,6 +494,11 @@ RigNode::Answer RigNode::replaceWorld(std::unique_ptr<Simulation> world, Checkpo
   {
     const std::lock_guard<std::mutex> lock(simulation_mutex_);
     simulation_ = std::move(world);
+  }
+  if (toYaml(simulation_->scenario()) != toYaml(scenario_)) {
+    adoptScenario();
+    pull_up_->useScenario(scenario_);
+    publishScenario();
   }
   clock_offset_s_ = last_stamp_s + simulation_->samplePeriod() - simulation_->snapshot().time_s;
   publishRunStart();
@@ -602,10 +698,10 @@ void RigNode::publishSample(const Snapshot& snapshot) {
   wrench_publisher_.publish(toWrench(now, snapshot.load_cell_force_n));
   true_wrench_publisher_.publish(toWrench(now, snapshot.support_n));
   components_publisher_.publish(toForceComponents(now, snapshot));
-  if (isDue(sample_index_, period_s, options_.joints_rate_hz)) publishJoints(now, snapshot);
-  if (isDue(sample_index_, period_s, options_.state_rate_hz)) publishStates(now, snapshot);
-  if (isDue(sample_index_, period_s, options_.points_rate_hz)) publishPoints(now);
-  if (isDue(sample_index_, period_s, options_.markers_rate_hz)) publishMarkers(now, snapshot);
+  if (isDue(sample_index_, period_s, options_.live.joints_rate_hz)) publishJoints(now, snapshot);
+  if (isDue(sample_index_, period_s, options_.live.state_rate_hz)) publishStates(now, snapshot);
+  if (isDue(sample_index_, period_s, options_.live.points_rate_hz)) publishPoints(now);
+  if (isDue(sample_index_, period_s, options_.live.markers_rate_hz)) publishMarkers(now, snapshot);
 }
 
 void RigNode::publishIdleFrame() {
@@ -640,12 +736,14 @@ void RigNode::publishStates(const Stamp& now, const Snapshot& snapshot) {
 
 void RigNode::publishPoints(const Stamp& now) {
   if (points_publisher_.getNumSubscribers() == 0) return;
-  points_publisher_.publish(boost::make_shared<sensor_msgs::PointCloud2>(toPointCloud(now, simulation_->particles())));
+  points_publisher_.publish(
+      boost::make_shared<sensor_msgs::PointCloud2>(toPointCloud(now, simulation_->particles(), options_.live)));
 }
 
 void RigNode::publishMarkers(const Stamp& now, const Snapshot& snapshot) {
   if (markers_publisher_.getNumSubscribers() == 0) return;
-  markers_publisher_.publish(toMarkers(now, scenario_, snapshot, simulation_->plugOutline()));
+  markers_publisher_.publish(toMarkers(now, scenario_, snapshot, simulation_->plugOutline(),
+                                       1.0e-3 * options_.live.markers_force_scale_m_per_kn));
 }
 
 void RigNode::publishStatus(WallClock::time_point now) {

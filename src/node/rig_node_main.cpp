@@ -26,8 +26,8 @@ int main(int argc, char** argv) {
       ROS_FATAL("%s", error.what());
       return 2;
     }
-    // Three threads: a command must get through while a service and a goal wait for their answers.
-    ros::AsyncSpinner spinner(3);
+    // Four threads: a command must get through while a service, a change of settings and a goal wait for their answers.
+    ros::AsyncSpinner spinner(4);
     spinner.start();
     const int code = rig->run();
     spinner.stop();

@@ -5,7 +5,29 @@
 #include <sstream>
 #include <string>
 
+#include "brash_ice_rig/config/number_check.h"
+
 namespace brash_ice_rig {
+namespace {
+
+/// Checks one value against the range of the key that it is for.
+struct KeyCheck {
+  const std::string& name;
+  double value;
+
+  template <class Number>
+  void operator()(const char* key, const Number&, const Range& range, const char*) const {
+    if (key == name) checkRange("load_cell." + name, value, formatNumber(value), range);
+  }
+};
+
+}  // namespace
+
+void checkLoadCellKey(const std::string& name, double value) {
+  LoadCellConfig config;
+  KeyCheck check{name, value};
+  config.visit(check);
+}
 
 LoadCell::LoadCell(const LoadCellConfig& config) : config_(config), generator_(config.seed) {}
 
@@ -45,6 +67,8 @@ void LoadCell::visitState(StateVisitor& visitor) {
     stream.str(text);
     if (!(stream >> generator_ >> noise_)) visitor.refuse("the state of the load cell's noise cannot be read");
   }
+  visitor("noise_n", config_.noise_n);
+  visitor("resolution_n", config_.resolution_n);
   visitor("started", started_);
   visitor("lagged_n", lagged_);
   visitor("reading_n", reading_);

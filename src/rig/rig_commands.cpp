@@ -5,6 +5,7 @@
 #include "brash_ice_rig/config/config_error.h"
 #include "brash_ice_rig/config/csv.h"
 #include "brash_ice_rig/output/output_file.h"
+#include "brash_ice_rig/rig/load_cell.h"
 
 namespace brash_ice_rig {
 
@@ -16,19 +17,27 @@ std::string toCsvRow(const RigCommand& command) {
   }
   row += ',';
   if (command.fold_target) row += toText(*command.fold_target);
-  row += command.tare ? ",1\n" : ",\n";
-  return row;
+  row += command.tare ? ",1" : ",";
+  for (const std::optional<double>& value : {command.load_cell_noise_n, command.load_cell_resolution_n}) {
+    row += ',';
+    if (value) row += toText(*value);
+  }
+  return row + '\n';
 }
 
 std::vector<RigCommand> readCommands(const std::string& path) {
   const auto refuse = [&](const std::string& rule) { return ConfigError("procedure.commands_file", path, rule); };
-  const std::vector<std::string> names = {"time_s",         "velocity_x_mps", "velocity_y_mps",
-                                          "velocity_z_mps", "fold_target",    "tare"};
+  const std::vector<std::string> names = {
+      "time_s",      "velocity_x_mps", "velocity_y_mps",    "velocity_z_mps",
+      "fold_target", "tare",           "load_cell_noise_n", "load_cell_resolution_n"};
   const CsvTable table = readCsv(path, names);
   if (!table.columns[0]) throw refuse("must have a column time_s");
   bool any = false;
   for (std::size_t column = 1; column < names.size(); ++column) any = any || table.columns[column].has_value();
-  if (!any) throw refuse("must have one of the columns velocity_x_mps, ..., fold_target, tare");
+  if (!any)
+    throw refuse(
+        "must have one of the columns velocity_x_mps, ..., fold_target, tare, load_cell_noise_n, "
+        "load_cell_resolution_n");
   if (table.last_row_cut_off) throw refuse("the last line is cut off, and with it the end of the test");
   if (table.bad_cells > 0) {
     const CsvTable::BadCell& bad = *table.first_bad_cell;
@@ -68,6 +77,14 @@ std::vector<RigCommand> readCommands(const std::string& path) {
     const double tare = cell(5).value_or(0.0);
     if (tare != 0.0 && tare != 1.0) throw refuse(line + "tare must be 0, 1 or empty");
     command.tare = tare == 1.0;
+    command.load_cell_noise_n = cell(6);
+    command.load_cell_resolution_n = cell(7);
+    try {
+      if (command.load_cell_noise_n) checkLoadCellKey("noise_n", *command.load_cell_noise_n);
+      if (command.load_cell_resolution_n) checkLoadCellKey("resolution_n", *command.load_cell_resolution_n);
+    } catch (const ConfigError& error) {
+      throw refuse(line + error.what());
+    }
   }
   return commands;
 }

@@ -199,6 +199,7 @@ struct Simulation::Impl {
   std::optional<Eigen::Vector3d> mailbox_velocity;
   std::optional<double> mailbox_fold;
   bool mailbox_tare = false;
+  std::optional<double> mailbox_noise, mailbox_resolution;  ///< of the load cell, N
 
   std::vector<RigCommand> script;    ///< of procedure.commands_file
   std::vector<RigCommand> commands;  ///< taken since the start of the present advance
@@ -339,17 +340,17 @@ void Simulation::Impl::updateIce() {
 void Simulation::Impl::takeCommands() {
   std::optional<Eigen::Vector3d> velocity;
   std::optional<double> fold;
-  bool tare;
+  RigCommand taken;
   {
     const std::lock_guard<std::mutex> lock(mailbox_mutex);
     velocity.swap(mailbox_velocity);
     fold.swap(mailbox_fold);
-    tare = mailbox_tare;
+    taken.tare = mailbox_tare;
     mailbox_tare = false;
+    taken.load_cell_noise_n.swap(mailbox_noise);
+    taken.load_cell_resolution_n.swap(mailbox_resolution);
   }
-  RigCommand taken;
   taken.time_s = time();
-  taken.tare = tare;
   const bool manual = scenario.procedure.control == ControlMode::kManual && script.empty();
   if (velocity) {
     if (!velocity->allFinite()) {
@@ -374,6 +375,8 @@ void Simulation::Impl::takeCommands() {
     taken.velocity_mps = scripted->velocity_mps;
     taken.fold_target = scripted->fold_target;
     taken.tare = taken.tare || scripted->tare;
+    if (scripted->load_cell_noise_n) taken.load_cell_noise_n = scripted->load_cell_noise_n;
+    if (scripted->load_cell_resolution_n) taken.load_cell_resolution_n = scripted->load_cell_resolution_n;
   }
   if (taken.tare) load_cell.tare();
   if (taken.velocity_mps) {
@@ -381,7 +384,9 @@ void Simulation::Impl::takeCommands() {
     command_step = step_count;
   }
   if (taken.fold_target) fold_target = *taken.fold_target;
-  if (taken.tare || taken.velocity_mps || taken.fold_target) commands.push_back(taken);
+  if (taken.load_cell_noise_n) load_cell.setNoise(*taken.load_cell_noise_n);
+  if (taken.load_cell_resolution_n) load_cell.setResolution(*taken.load_cell_resolution_n);
+  if (!taken.empty()) commands.push_back(taken);
 }
 
 /// Of procedure.commands_file: what is due at the present step. Times there are those of steps up to round-off, or
@@ -396,6 +401,8 @@ std::optional<RigCommand> Simulation::Impl::commandOfScript() const {
     if (next->velocity_mps) due->velocity_mps = next->velocity_mps;
     if (next->fold_target) due->fold_target = next->fold_target;
     due->tare = due->tare || next->tare;
+    if (next->load_cell_noise_n) due->load_cell_noise_n = next->load_cell_noise_n;
+    if (next->load_cell_resolution_n) due->load_cell_resolution_n = next->load_cell_resolution_n;
   }
   return due;
 }
@@ -516,6 +523,26 @@ void Simulation::setFoldTarget(double ratio) {
 void Simulation::tare() {
   const std::lock_guard<std::mutex> lock(impl_->mailbox_mutex);
   impl_->mailbox_tare = true;
+}
+
+void Simulation::setLoadCellNoise(double noise_n) {
+  const std::lock_guard<std::mutex> lock(impl_->mailbox_mutex);
+  impl_->mailbox_noise = noise_n;
+}
+
+void Simulation::setLoadCellResolution(double resolution_n) {
+  const std::lock_guard<std::mutex> lock(impl_->mailbox_mutex);
+  impl_->mailbox_resolution = resolution_n;
+}
+
+double Simulation::loadCellNoise() const {
+  const std::lock_guard<std::mutex> lock(impl_->mailbox_mutex);
+  return impl_->mailbox_noise.value_or(impl_->load_cell.noise());
+}
+
+double Simulation::loadCellResolution() const {
+  const std::lock_guard<std::mutex> lock(impl_->mailbox_mutex);
+  return impl_->mailbox_resolution.value_or(impl_->load_cell.resolution());
 }
 
 StepReport Simulation::advance(double duration_s) {
@@ -692,6 +719,8 @@ void Simulation::Impl::visitState(StateVisitor& visitor) {
   visitor("mailbox_velocity_mps", mailbox_velocity);
   visitor("mailbox_fold", mailbox_fold);
   visitor("mailbox_tare", mailbox_tare);
+  visitor("mailbox_noise_n", mailbox_noise);
+  visitor("mailbox_resolution_n", mailbox_resolution);
 }
 
 /// What is only counted and shown. It depends on how a run was cut into advances, or whether the audit watches.

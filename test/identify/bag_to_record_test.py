@@ -85,8 +85,9 @@ class BagToRecord(unittest.TestCase):
             bag.write("/rig/sim/scenario", String("# brash_ice_rig 1\ntitle: Bag test\ncollector: {radius_m: 1.2}\n"),
                       rospy.Time.from_sec(START_S - QUIET_S))
             for after_s, buoyancy_n in [(0.0, 0.0), (1.0, 302.5), (20.0, 210.0)]:
-                bag.write("/rig/ground_truth/force_components", ForceComponents(weight_n=2354.4, buoyancy_n=buoyancy_n),
-                          rospy.Time.from_sec(START_S - QUIET_S + after_s))
+                components = ForceComponents(time_s=after_s - QUIET_S, weight_n=2354.4, buoyancy_n=buoyancy_n)
+                components.header.stamp = rospy.Time.from_sec(START_S - QUIET_S + after_s)
+                bag.write("/rig/ground_truth/force_components", components, components.header.stamp)
             write_run(bag, -QUIET_S, 40.0)
 
     def rows(self, name="test.csv"):
@@ -137,6 +138,9 @@ class BagToRecord(unittest.TestCase):
                 if index == 2:
                     command.has_fold_target, command.fold_target = True, 1.0 / 3.0
                 command.tare = index == 4
+                if index == 5:
+                    command.has_load_cell_noise, command.load_cell_noise_n = True, 20.0
+                    command.has_load_cell_resolution, command.load_cell_resolution_n = True, 0.1
                 bag.write("/rig/sim/commands", command, command.header.stamp)
             for i in range(20 * 9):
                 components = ForceComponents(time_s=-QUIET_S + i * 0.05, weight_n=2000.0, tension_n=1800.0)
@@ -154,12 +158,14 @@ class BagToRecord(unittest.TestCase):
         self.assertEqual(names, ["test.csv", "test.yaml", "test_rig.yaml", "test_commands.csv", "test_motion.csv"])
         with open(self.path("test_commands.csv"), encoding="utf-8") as stream:
             lines = stream.read().splitlines()
-        self.assertEqual(lines[0], "time_s,velocity_x_mps,velocity_y_mps,velocity_z_mps,fold_target,tare")
-        self.assertEqual(lines[1], f"{-QUIET_S + 1 / 3.0!r},0.0,0.0,{0.1 + 0.2!r},,")
-        self.assertEqual(lines[2], f"{-QUIET_S + 2 / 3.0!r},,,,{1.0 / 3.0!r},")
-        self.assertEqual(lines[4], f"{-QUIET_S + 4 / 3.0!r},,,,,1")
+        self.assertEqual(lines[0], "time_s,velocity_x_mps,velocity_y_mps,velocity_z_mps,fold_target,tare,"
+                         "load_cell_noise_n,load_cell_resolution_n")
+        self.assertEqual(lines[1], f"{-QUIET_S + 1 / 3.0!r},0.0,0.0,{0.1 + 0.2!r},,,,")
+        self.assertEqual(lines[2], f"{-QUIET_S + 2 / 3.0!r},,,,{1.0 / 3.0!r},,,")
+        self.assertEqual(lines[4], f"{-QUIET_S + 4 / 3.0!r},,,,,1,,")
+        self.assertEqual(lines[5], f"{-QUIET_S + 5 / 3.0!r},0.0,0.0,{0.1 + 0.2!r},,,{20.0!r},{0.1!r}")
         self.assertEqual(len(lines), 1 + 5 + 1)
-        self.assertTrue(lines[-1].endswith(",,,,,"))
+        self.assertTrue(lines[-1].endswith(",,,,,,,"))
         manifest = self.manifest()
         self.assertEqual((manifest["commands"], manifest["motion"]), ("test_commands.csv", "test_motion.csv"))
         self.assertAlmostEqual(manifest["tare_n"], 2000.0 - 1800.0, msg="what the tare took off")
@@ -170,6 +176,20 @@ class BagToRecord(unittest.TestCase):
         rows = self.rows()
         self.assertEqual(rows[1]["time_s"], -QUIET_S + 0.05)
         self.assertEqual(rows[7]["force_n"], force_n(-QUIET_S + 7 / 20))
+
+    def test_each_run_has_the_scenario_that_was_loaded_for_it(self):
+        with rosbag.Bag(self.bag_file, "w") as bag:
+            for shift_s, title in [(0.0, "First"), (20.0, "Second")]:
+                bag.write("/rig/sim/scenario", String(f"title: {title}\n"),
+                          rospy.Time.from_sec(START_S - QUIET_S + shift_s))
+                components = ForceComponents(weight_n=1000.0 + shift_s)
+                components.header.stamp = rospy.Time.from_sec(START_S + shift_s)
+                bag.write("/rig/ground_truth/force_components", components, components.header.stamp)
+                write_run(bag, -QUIET_S, 1.0, shift_s=shift_s)
+        for run, title, tare_n in [("1", "First", 1000.0), ("2", "Second", 1020.0)]:
+            self.convert("--force", "--run", run)
+            self.assertEqual(self.manifest()["title"], title)
+            self.assertAlmostEqual(self.manifest()["tare_n"], tare_n)
 
     def test_commands_that_are_not_all_there_are_left_out_and_the_notes_say_why(self):
         for indices, start_s, reason in [([], 0.0, "no messages on sim/commands"),

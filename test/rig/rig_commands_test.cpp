@@ -34,18 +34,22 @@ TEST_F(RigCommands, FileGivesBackTheSameBits) {
   b.time_s = 2.0 / 7.0;
   b.fold_target = 1.0 / 3.0;
   b.tare = true;
+  b.load_cell_noise_n = 1.0 / 7.0;
+  b.load_cell_resolution_n = 0.0;
   c.time_s = 1e3 / 7.0;
   const std::vector<RigCommand> read =
       readCommands(directory_.put("commands.csv", kCommandsHeader + toCsvRow(a) + toCsvRow(b) + toCsvRow(c)));
   ASSERT_EQ(read.size(), 3u);
   EXPECT_EQ(read[0].time_s, a.time_s);
   EXPECT_EQ(*read[0].velocity_mps, *a.velocity_mps);
-  EXPECT_FALSE(read[0].fold_target || read[0].tare);
+  EXPECT_FALSE(read[0].fold_target || read[0].tare || read[0].load_cell_noise_n || read[0].load_cell_resolution_n);
   EXPECT_EQ(read[1].fold_target, b.fold_target);
   EXPECT_TRUE(read[1].tare);
+  EXPECT_EQ(read[1].load_cell_noise_n, b.load_cell_noise_n);
+  EXPECT_EQ(read[1].load_cell_resolution_n, b.load_cell_resolution_n);
   EXPECT_FALSE(read[1].velocity_mps);
   EXPECT_EQ(read[2].time_s, c.time_s);
-  EXPECT_FALSE(read[2].velocity_mps || read[2].fold_target || read[2].tare);
+  EXPECT_TRUE(read[2].empty());
 }
 
 TEST_F(RigCommands, HandwrittenFileNeedsOnlyTheColumnsThatItUses) {
@@ -66,6 +70,8 @@ TEST_F(RigCommands, WrongFileIsRefusedWithItsLine) {
       {columns + "0,,1.5,\n", "line 2: fold_target must lie in 0..1"},
       {columns + "0,,,2\n", "line 2: tare must be 0, 1 or empty"},
       {columns + "0,1,1,\n1,0.0", "the last line is cut off"},
+      {"time_s,load_cell_noise_n\n0,-1\n", "line 2: load_cell.noise_n = -1, must lie in [0, 100000]"},
+      {"time_s,load_cell_resolution_n\n0,200000\n", "line 2: load_cell.resolution_n = 200000, must lie in [0, 100000]"},
   };
   for (const auto& wrong : cases) {
     const std::string message = refusal(wrong[0]);
@@ -98,6 +104,8 @@ TEST_F(RigCommands, RunThatWasDrivenByHandRepeatsToTheLastBit) {
     if (i % 7 == 0 && (i < 100 || i > 150)) live.setCraneVelocity({0.03, -0.01, i < 200 ? 0.2 : -0.1});
     if (i == 5 || i == 60) live.setFoldTarget(i == 5 ? 0.95 : 1.0);
     if (i == 30) live.tare();
+    if (i == 40) live.setLoadCellNoise(80.0);
+    if (i == 90) live.setLoadCellResolution(50.0);
     if (i == 210) live.setCraneVelocity({0.0, 0.0, std::nan("")});
     // Steps do not fall on samples: commands come at any of them.
     for (const double share : {0.5, 1.0}) {
@@ -134,6 +142,39 @@ TEST_F(RigCommands, RunThatWasDrivenByHandRepeatsToTheLastBit) {
   Simulation other(straight);
   other.advance(2.4);
   EXPECT_NE(other.stateHash(), live.stateHash());
+}
+
+TEST_F(RigCommands, NoiseAndResolutionHoldFromTheNextSampleOnAndAreToldOnce) {
+  Scenario s = handDriven();
+  s.procedure.control = ControlMode::kScripted;
+  s.load_cell.noise_n = s.load_cell.lag_s = 0.0;
+  Simulation quiet(s), changed(s);
+  quiet.advance(0.05);
+  changed.advance(0.05);
+  changed.setLoadCellNoise(1000.0);
+  EXPECT_EQ(changed.loadCellNoise(), 1000.0) << "what will hold is known before the step that obeys";
+  EXPECT_EQ(changed.snapshot().force_n, quiet.snapshot().force_n);
+  double square = 0.0;
+  constexpr int kSamples = 100;
+  for (int i = 0; i < kSamples; ++i) {
+    const StepReport report = changed.advance(changed.samplePeriod());
+    EXPECT_EQ(report.commands.size(), i == 0 ? 1u : 0u);
+    quiet.advance(quiet.samplePeriod());
+    const double error_n = changed.snapshot().force_n - quiet.snapshot().force_n;
+    EXPECT_NE(error_n, 0.0) << i;
+    square += error_n * error_n / kSamples;
+  }
+  EXPECT_NEAR(std::sqrt(square), 1000.0, 4.0 * 1000.0 / std::sqrt(2.0 * kSamples));
+
+  changed.setLoadCellNoise(0.0);
+  changed.setLoadCellResolution(250.0);
+  changed.advance(changed.samplePeriod());
+  EXPECT_EQ(changed.loadCellNoise(), 0.0);
+  EXPECT_EQ(std::remainder(changed.snapshot().force_n, 250.0), 0.0);
+  EXPECT_EQ(changed.snapshot().tension_n, [&] {
+    quiet.advance(quiet.samplePeriod());
+    return quiet.snapshot().tension_n;
+  }()) << "what the cell reads does not reach the rig";
 }
 
 TEST_F(RigCommands, ScriptTakesATareFromTheFileAndNothingElse) {

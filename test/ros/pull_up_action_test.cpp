@@ -19,6 +19,7 @@
 
 #include "brash_ice_rig/CraneState.h"
 #include "brash_ice_rig/ForceComponents.h"
+#include "brash_ice_rig/LoadScenario.h"
 #include "brash_ice_rig/PullUpAction.h"
 #include "test_support.h"
 
@@ -234,6 +235,28 @@ TEST_F(PullUpByAction, SecondGoalIsRejectedAndTheFirstGoesOn) {
   ASSERT_TRUE(second.waitForEnd());
   EXPECT_EQ(second.state(), State::REJECTED);
   EXPECT_NE(second.result().message.find("another goal"), std::string::npos) << second.result().message;
+  ASSERT_TRUE(client_.waitForEnd());
+  EXPECT_EQ(client_.state(), State::SUCCEEDED) << client_.result().message;
+}
+
+TEST_F(PullUpByAction, ScenarioIsNotReplacedUnderAGoalNorUnderAMovingCrane) {
+  LoadScenario load;
+  const auto answer = [&load] {
+    EXPECT_TRUE(ros::service::call("rig_node/load_scenario", load));
+    EXPECT_FALSE(load.response.success);
+    return load.response.message;
+  };
+  client_.send(shortLift(4.0));
+  ASSERT_TRUE(lifting());
+  EXPECT_EQ(answer(), "the crane moves; let it stop first");
+  client_.cancel();
+  ASSERT_TRUE(client_.waitForEnd());
+  PullUpGoal still = shortLift(0.1);
+  still.hold_duration_s = 4.0;
+  client_.send(still);
+  ASSERT_TRUE(client_.waitForStage("hold"));
+  ASSERT_TRUE(joints_.waitForNew(stands));
+  EXPECT_EQ(answer(), "a goal of the action pull_up is running; cancel it first");
   ASSERT_TRUE(client_.waitForEnd());
   EXPECT_EQ(client_.state(), State::SUCCEEDED) << client_.result().message;
 }

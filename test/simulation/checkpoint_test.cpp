@@ -2,6 +2,7 @@
 
 #include <sys/stat.h>
 
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
@@ -80,6 +81,24 @@ TEST_F(Checkpoint, ResumeIsTheUninterruptedRunToTheLastBitFromAnyInstant) {
     SCOPED_TRACE(before_s);
     expectSameFuture(lift(), before_s, 0.5);
   }
+}
+
+TEST_F(Checkpoint, KeepsChangedNoiseAndResolutionTakenOrNot) {
+  Simulation whole(lift());
+  whole.setLoadCellNoise(77.0);
+  whole.advance(0.1);
+  whole.setLoadCellResolution(25.0);
+  whole.save(file_);
+  Simulation resumed = Simulation::load(file_);
+  EXPECT_EQ(resumed.loadCellNoise(), 77.0);
+  EXPECT_EQ(resumed.loadCellResolution(), 25.0);
+  for (int k = 0; k < 20; ++k) {
+    whole.advance(whole.samplePeriod());
+    resumed.advance(whole.samplePeriod());
+    ASSERT_EQ(resumed.snapshot().force_n, whole.snapshot().force_n);
+    ASSERT_EQ(std::remainder(whole.snapshot().force_n, 25.0), 0.0);
+  }
+  EXPECT_EQ(resumed.stateHash(), whole.stateHash());
 }
 
 TEST_F(Checkpoint, KeepsWhoSleeps) {

@@ -15,6 +15,7 @@
 #include "brash_ice_rig/SimStatus.h"
 #include "brash_ice_rig/TakenCommand.h"
 #include "brash_ice_rig/config/scenario.h"
+#include "brash_ice_rig/node/live_options.h"
 #include "brash_ice_rig/rig/rig_commands.h"
 #include "brash_ice_rig/simulation/snapshot.h"
 
@@ -47,7 +48,7 @@ geometry_msgs::TwistStamped toCommandOut(const Stamp& stamp, const RigState& rig
 sensor_msgs::JointState toJointState(const Stamp& stamp, const Snapshot& snapshot);
 
 /// Unpadded points of eight float32: x y z speed pressure plastic_strain damage submerged; frame map, SI.
-sensor_msgs::PointCloud2 toPointCloud(const Stamp& stamp, const ParticleCloud& particles);
+sensor_msgs::PointCloud2 toPointCloud(const Stamp& stamp, const ParticleCloud& particles, const LiveOptions& options);
 
 /// Fills flags, flag_names and remedies.
 void setFlags(StatusFlags flags, SimStatus& status);

@@ -10,6 +10,7 @@
 #include <ros/node_handle.h>
 
 #include "brash_ice_rig/config/config_error.h"
+#include "brash_ice_rig/node/live_options.h"
 #include "brash_ice_rig/node/split_list.h"
 
 namespace brash_ice_rig {
@@ -58,19 +59,17 @@ class ParameterReader {
     target = static_cast<bool>(value);
   }
 
-  /// @param zero_allowed  0 counts as in range although min is higher
-  void read(const std::string& name, double& target, double min, double max, bool zero_allowed = false) {
+  void read(const std::string& name, double& target, double min, double max) {
+    read(name, target, ParameterRange{min, max});
+  }
+
+  void read(const std::string& name, double& target, const ParameterRange& range) {
     XmlRpcValue value;
     if (!find(name, value)) return;
     double number = std::nan("");
     if (value.getType() == XmlRpcValue::TypeDouble) number = static_cast<double>(value);
     if (value.getType() == XmlRpcValue::TypeInt) number = static_cast<int>(value);
-    const bool good = (zero_allowed && number == 0.0) || (number >= min && number <= max);
-    if (!good) {
-      std::ostringstream rule;
-      rule << "must be a number in [" << min << ", " << max << "]" << (zero_allowed ? " or 0" : "");
-      refuse(name, value, rule.str());
-    }
+    if (!range.contains(number)) refuse(name, value, range.rule());
     target = number;
   }
 

@@ -46,6 +46,12 @@ class PullUpServer {
   /// @param commander  name of that node
   void giveWayTo(const std::string& commander);
 
+  /// The rig is another one from now on. Abort the goal first.
+  void useScenario(const Scenario& scenario);
+
+  /// A goal is running.
+  bool busy();
+
   /// Tells clients that the server lives. actionlib does so by ROS time, which stands in a pause.
   void publishStatus() { server_.publishStatus(); }
 
@@ -78,11 +84,11 @@ class PullUpServer {
   void stopAndEnd(End how, const std::string& reason);
   const std::string& sender();  ///< node that sent it, empty if unknown
 
-  const Scenario scenario_;
   const double feedback_period_s_;
   const Rig rig_;
 
   std::mutex mutex_;  ///< of all below
+  Scenario scenario_;
   std::optional<Run> run_;
   std::map<std::string, std::string> senders_;  ///< of goals: goal id -> node
   std::set<std::string> listeners_;             ///< nodes that subscribe to the feedback

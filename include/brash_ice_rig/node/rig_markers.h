@@ -11,7 +11,7 @@
 // What rviz shows besides the particles and the URDF.
 namespace brash_ice_rig {
 
-/// Length of force arrow and bars per force: 1 m for 10 kN.
+/// Length of force arrow and bars per force, unless told otherwise: 1 m for 10 kN.
 constexpr double kMarkerMetresPerNewton = 1.0e-4;
 
 /// A part of the load cell's true tension, for a bar and a line of text.
@@ -26,8 +26,9 @@ struct ForcePart {
 std::array<ForcePart, 5> splitTension(const Snapshot& snapshot);
 
 /// Namespaces of the markers: water, net, force, components (bars and lines of text), text, plug_waterline, plug_top,
-/// hole. A part that is not there now, such as the plug before the lift, is deleted.
+/// hole. metres_per_newton is the length of arrow and bars per force. A part that is not there now, such as the plug
+/// before the lift, is deleted.
 visualization_msgs::MarkerArray toMarkers(const Stamp& stamp, const Scenario& scenario, const Snapshot& snapshot,
-                                          const PlugOutline& plug);
+                                          const PlugOutline& plug, double metres_per_newton = kMarkerMetresPerNewton);
 
 }  // namespace brash_ice_rig

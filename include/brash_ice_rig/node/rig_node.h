@@ -27,6 +27,8 @@
 #include "brash_ice_rig/node/node_options.h"
 #include "brash_ice_rig/node/pull_up_server.h"
 #include "brash_ice_rig/node/real_time_pacer.h"
+#include "brash_ice_rig/node/reconfigure_server.h"
+#include "brash_ice_rig/node/scenario_request.h"
 #include "brash_ice_rig/output/run_files.h"
 #include "brash_ice_rig/output/run_summary.h"
 #include "brash_ice_rig/simulation/simulation.h"
@@ -69,6 +71,10 @@ class RigNode {
   void onFoldCommand(const ros::MessageEvent<std_msgs::Float64 const>& event);
   Answer ask(std::function<Answer()> work);
   Answer tare();
+  /// Asks for another world, which has other settings.
+  Answer askForWorld(std::function<Answer()> work);
+  ReconfigureServer::Rig rigForReconfigure();
+  void advertiseLoadScenario();
   /// Runs `work` on a file that a service named, or says why the name is refused.
   Answer onCheckpointFile(const std::string& name, const std::function<Answer(const std::string& path)>& work);
   Answer saveCheckpoint(const std::string& path);
@@ -85,6 +91,12 @@ class RigNode {
   Answer reset();
   Answer step(double duration_s);
   Answer loadCheckpoint(const std::string& path);
+  Answer loadScenarioFor(const LoadScenarioRequest& request);
+  void adoptScenario();
+  LiveSettings liveSettings() const;
+  void changeLiveSettings(const LiveSettings& wanted);
+  /// What others learn of the scenario once.
+  void publishScenario();
   Answer replaceWorld(std::unique_ptr<Simulation> world, CheckpointReader* resumed, std::string message);
   CheckpointWriter makeCheckpoint(const std::string& path);
   void autosave(const Snapshot& snapshot);
@@ -149,7 +161,7 @@ class RigNode {
   std::optional<ForceStatistics> statistics_;
   int run_number_ = 0;
   std::uint32_t command_index_ = 0;  ///< of the last command published in this run
-  double compute_s_ = 0.0;  ///< wall time in the simulation since the run's start
+  double compute_s_ = 0.0;           ///< wall time in the simulation since the run's start
   std::future<void> plot_;
 
   std::mutex commit_mutex_;   ///< one checkpoint is written at a time
@@ -169,12 +181,12 @@ class RigNode {
   ros::NodeHandle node_, private_node_;
   ros::Publisher clock_publisher_, wrench_publisher_, true_wrench_publisher_, components_publisher_, points_publisher_,
       plug_publisher_, command_out_publisher_, crane_publisher_, status_publisher_, scenario_publisher_,
-      motion_file_publisher_, commands_publisher_,
-      joints_publisher_, markers_publisher_;
+      motion_file_publisher_, commands_publisher_, joints_publisher_, markers_publisher_;
   diagnostic_updater::Updater diagnostics_;
   ros::Subscriber crane_subscriber_, fold_subscriber_;
   std::vector<ros::ServiceServer> services_;
   std::optional<PullUpServer> pull_up_;
+  std::optional<ReconfigureServer> reconfigure_;
 };
 
 }  // namespace brash_ice_rig

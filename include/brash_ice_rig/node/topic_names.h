@@ -30,12 +30,13 @@ constexpr char kClock[] = "/clock";    // absolute: ROS knows one clock only
 }  // namespace topics
 
 namespace services {
-constexpr char kPause[] = "pause";  // these six in the node's private namespace
+constexpr char kPause[] = "pause";  // these seven in the node's private namespace
 constexpr char kResume[] = "resume";
 constexpr char kReset[] = "reset";
 constexpr char kStep[] = "step";
 constexpr char kSaveCheckpoint[] = "save_checkpoint";
 constexpr char kLoadCheckpoint[] = "load_checkpoint";
+constexpr char kLoadScenario[] = "load_scenario";
 constexpr char kTare[] = "load_cell/tare";
 }  // namespace services
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <random>
+#include <string>
 
 #include <Eigen/Core>
 
@@ -8,6 +9,11 @@
 #include "brash_ice_rig/system/state_visitor.h"
 
 namespace brash_ice_rig {
+
+/// Checks a value that is to replace a key of the section load_cell.
+/// @param name  of the key, without its section
+/// @throws ConfigError as reading a scenario does: `load_cell.noise_n = -1, must lie in [0, 100000]`
+void checkLoadCellKey(const std::string& name, double value);
 
 /// Sensor between crane and pole: first-order lag, bias, white noise, resolution, tare, in this order.
 class LoadCell {
@@ -22,6 +28,13 @@ class LoadCell {
 
   /// Subtracts the present force, as the sensor sees it without noise, from the next sample on.
   void tare();
+
+  /// Standard deviation of the noise, N, from the next sample on.
+  void setNoise(double noise_n) { config_.noise_n = noise_n; }
+  double noise() const { return config_.noise_n; }
+  /// Step between two readings, N, from the next sample on; 0: continuous.
+  void setResolution(double resolution_n) { config_.resolution_n = resolution_n; }
+  double resolution() const { return config_.resolution_n; }
 
   /// The last sample, N.
   const Eigen::Vector3d& reading() const { return reading_; }

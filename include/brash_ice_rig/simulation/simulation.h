@@ -26,8 +26,8 @@ struct StepReport {
 
 /// Field, water and rig together. Knows nothing of ROS.
 ///
-/// One thread owns it. The exceptions are setCraneVelocity(), setFoldTarget() and tare(): any thread may call them; the
-/// last value counts and takes effect at the next step boundary.
+/// One thread owns it. The exceptions are setCraneVelocity(), setFoldTarget(), tare(), and load cell's noise and
+/// resolution: any thread may call them; the last value counts and takes effect at the next step boundary.
 /// Same scenario and same commands at the same steps give the same bits, for any number of threads.
 class Simulation {
  public:
@@ -56,6 +56,14 @@ class Simulation {
   void setFoldTarget(double ratio);
   /// Makes the present reading zero from the next sample on.
   void tare();
+  /// Standard deviation of the load cell's noise, N, from the next sample on. Counts, as a tare does, in any control.
+  /// @param noise_n  in the range of load_cell.noise_n
+  void setLoadCellNoise(double noise_n);
+  /// The same for its resolution, N; 0: continuous.
+  void setLoadCellResolution(double resolution_n);
+  /// What holds from the next sample on, N.
+  double loadCellNoise() const;
+  double loadCellResolution() const;
 
   /// Runs the world on. Rounds to whole steps; never changes the step.
   /// After a non-finite state the world is frozen: nothing moves any more and the flag stays.

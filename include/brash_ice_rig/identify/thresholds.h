@@ -11,16 +11,17 @@ namespace brash_ice_rig {
 /// What is asked of the evidence before an effect is named. Set on no-effect lifts of another program's making and of
 /// our own, none of which serves as a test; doc/identification.md tells how.
 struct Thresholds {
-  double log_bayes_factor = 6.0;   ///< that an effect must exceed, at least
-  double chi2_per_bin = 1.27;      ///< above it, the refitted baseline's residual is significant
-  double portmanteau_p = 0.001;    ///< below it, too
-  double explained_ratio = 0.6;    ///< of the excess of chi², that an effect must explain
-  double holdout_ratio = 1.02;     ///< held-out RMSE with the effect over that without, at most
-  double rival_nats = 3.0;         ///< effects whose evidence is this close cannot be told apart
-  double rival_correlation = 0.9;  ///< of what two effects do to the force; above it they are of one class
-  double second_effect = 6.0;      ///< ln of the Bayes factor that a second effect must add
-  double detectability = 5.0;      ///< d' at which a magnitude counts as detectable
-  int null_records = 0;            ///< no-effect records behind the effects' own thresholds
+  double log_bayes_factor = 6.0;           ///< that an effect must exceed, at least
+  double chi2_per_bin = 1.27;              ///< above it, the refitted baseline's residual is significant
+  double portmanteau_p = 0.001;            ///< below it, too
+  double portmanteau_chi2_per_bin = 1.15;  ///< and chi² is above this
+  double explained_ratio = 0.6;            ///< of the excess of chi², that an effect must explain
+  double holdout_ratio = 1.02;             ///< held-out RMSE with the effect over that without, at most
+  double rival_nats = 3.0;                 ///< effects whose evidence is this close cannot be told apart
+  double rival_correlation = 0.9;          ///< of what two effects do to the force; above it they are of one class
+  double second_effect = 6.0;              ///< ln of the Bayes factor that a second effect must add
+  double detectability = 5.0;              ///< d' at which a magnitude counts as detectable
+  int null_records = 0;                    ///< no-effect records behind the effects' own thresholds
   /// The effects' own: the 97 % quantile of ln of the Bayes factor on those records, where it is above the common one.
   std::vector<std::pair<std::string, double>> own;
 

@@ -350,11 +350,18 @@ class Programs(unittest.TestCase):
         return subprocess.run([sys.executable, "-B", os.path.join(SCRIPTS, script), *arguments, "--program",
                                self.program], capture_output=True, text=True, check=False, cwd=self.directory)
 
+    REFERENCES = " --reference case_0021_fit.csv --reference case_0022_fit.csv"
+
     def calls(self):
         with open(self.path("calls.txt"), encoding="utf-8") as stream:
             return stream.read().splitlines()
 
+    def make_references(self, *place):
+        self.make_truth((*place, "truth", "references"), {"lift": [21, 22]},
+                        {f"case_00{number}_fit": sealed((), "none", effect_n=0.0) for number in (21, 22)})
+
     def make_suite(self):
+        self.make_references("work")
         truth = ("work", "seed_1", "truth")
         none = sealed((), "none", effect_n=0.0)
         self.make_truth((*truth, "drainage_strong"),
@@ -381,8 +388,8 @@ class Programs(unittest.TestCase):
         self.assertIn("two or more records: right or in a set of at most 3 | ≥ 90 % | 100 % | 1 of 1 | yes", text)
         self.assertEqual(len(self.calls()), 5)
         self.assertIn("case_1111_fit.csv case_1111_extra.csv --holdout case_1111_holdout.csv --out drainage_strong "
-                      "--cache cache", self.calls())
-        self.assertIn("case_1113_fit.csv --out lone_null_1113 --cache cache", self.calls())
+                      "--cache cache" + self.REFERENCES, self.calls())
+        self.assertIn("case_1113_fit.csv --out lone_null_1113 --cache cache" + self.REFERENCES, self.calls())
 
         self.write({"1115": "none"}, "verdicts.json")
         done = self.validate()
@@ -404,6 +411,7 @@ class Programs(unittest.TestCase):
         self.assertIn("no such program", done.stderr)
 
     def test_demo_marks_its_records_as_synthetic_and_tells_how_to_go_on(self):
+        self.make_references("demo")
         self.make_truth(("demo", "truth"), {}, {"demo_fit": sealed(("freeze_bonds", "block_drop", "drainage")),
                                                 "demo_holdout": sealed()})
         self.write({"fit.csv": "effect"}, "verdicts.json")
@@ -415,7 +423,7 @@ class Programs(unittest.TestCase):
         self.assertIn("What was in it: freeze_bonds, block_drop, drainage", done.stdout)
         self.assertIn(f"roslaunch brash_ice_rig pull_up.launch overlay:={self.path('demo', 'report', 'overlay.yaml')}",
                       done.stdout)
-        self.assertEqual(self.calls(), ["demo_fit.csv --holdout demo_holdout.csv --out report"])
+        self.assertEqual(self.calls(), ["demo_fit.csv --holdout demo_holdout.csv --out report" + self.REFERENCES])
         self.write({}, "verdicts.json")
         done = self.call("demo_identify", "--out", "demo")
         self.assertEqual(done.returncode, 1)

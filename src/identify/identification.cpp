@@ -1191,9 +1191,13 @@ Identification Chain::run() {
     const Explanation& e = *std::find_if(result.ranking.begin(), result.ranking.end(), [&](const Explanation& r) {
       return r.confirmed && r.effects.front() == result.effects.front();
     });
-    text.push_back("Evidence: ln of the Bayes factor " + shortNumber(e.log_bayes_factor) + " (asked: more than " +
-                   shortNumber(e.threshold) + "), detectability " + shortNumber(e.detectability) + ", " +
-                   shortNumber(100.0 * e.explained_ratio) + " % of the excess explained.");
+    std::string evidence = "Evidence: ln of the Bayes factor " + shortNumber(e.log_bayes_factor) +
+                           " (asked: more than " + shortNumber(e.threshold) + "), detectability " +
+                           shortNumber(e.detectability);
+    if (std::isfinite(e.explained_ratio)) {
+      evidence += ", " + shortNumber(100.0 * e.explained_ratio) + " % of the excess explained";
+    }
+    text.push_back(evidence + ".");
     text.push_back("Error on this record: " + shortNumber(refitted.rmse_n) + " N with the baseline refitted, " +
                    shortNumber(after.rmse_n) + " N with the effect.");
     if (std::isfinite(e.holdout_ratio)) {

@@ -1002,6 +1002,7 @@ void Chain::decide(Identification& result, const Model& baseline) {
     if (best.effects.size() == 1) {
       for (const Explanation& e : result.ranking) {
         if (&e == &best || e.effects.size() != 1 || e.effects == best.effects) continue;
+        if (e.holdout_ratio > thresholds_.holdout_ratio) continue;  // the held-out record speaks against it
         const bool close =
             e.log_bayes_factor > best.log_bayes_factor - thresholds_.rival_nats && e.log_bayes_factor > 0.0;
         bool same_class = false;

@@ -6,7 +6,6 @@
 #include <limits>
 #include <stdexcept>
 
-#include <Eigen/Cholesky>
 #include <nlopt.hpp>
 
 namespace brash_ice_rig {
@@ -14,7 +13,7 @@ namespace {
 
 constexpr double kMaxKappa = 4.0;
 
-Eigen::LLT<Eigen::MatrixXd> factor(const Eigen::MatrixXd& covariance) {
+Eigen::LLT<Eigen::MatrixXd> factored(const Eigen::MatrixXd& covariance) {
   Eigen::LLT<Eigen::MatrixXd> llt(covariance);
   if (llt.info() != Eigen::Success) throw std::runtime_error("the covariance of the errors is not positive definite");
   return llt;
@@ -33,14 +32,13 @@ struct Solution {
   Eigen::MatrixXd covariance;
 };
 
-Solution solve(const Eigen::VectorXd& y, const LinearModel& m, const ErrorModel& errors, double kappa) {
-  const auto llt = factor(errors.noise + kappa * kappa * errors.discrepancy);
+Solution solve(const Eigen::VectorXd& y, const LinearModel& m, const FactoredErrors& errors) {
+  const auto& llt = errors.factor;
   const Eigen::VectorXd r = llt.matrixL().solve(y - m.offset - m.columns * m.prior_mean);
   Solution s;
   const double n = static_cast<double>(y.size());
   s.log_evidence = -0.5 * (r.squaredNorm() + logDeterminant(llt) + n * std::log(2.0 * std::acos(-1.0)));
-  const double log_kappa = std::log(kappa) / errors.log_kappa_sigma;
-  s.log_evidence -= 0.5 * log_kappa * log_kappa;
+  s.log_evidence += errors.log_prior;
   const Eigen::Index count = m.columns.cols();
   s.x = m.prior_mean;
   s.covariance = Eigen::MatrixXd::Zero(count, count);
@@ -49,7 +47,7 @@ Solution solve(const Eigen::VectorXd& y, const LinearModel& m, const ErrorModel&
   // In units of the priors' deviations: A = I + Gᵀ K⁻¹ G.
   const Eigen::MatrixXd g = llt.matrixL().solve(m.columns * m.prior_sigma.asDiagonal());
   const Eigen::MatrixXd a = Eigen::MatrixXd::Identity(count, count) + g.transpose() * g;
-  const auto a_llt = factor(a);
+  const auto a_llt = factored(a);
   const Eigen::VectorXd b = g.transpose() * r;
   Eigen::VectorXd z = a_llt.solve(b);
   s.log_evidence += 0.5 * b.dot(z) - 0.5 * logDeterminant(a_llt);
@@ -91,6 +89,16 @@ Solution solve(const Eigen::VectorXd& y, const LinearModel& m, const ErrorModel&
 
 }  // namespace
 
+FactoredErrors::FactoredErrors(const ErrorModel& errors, double kappa)
+    : factor(factored(errors.noise + kappa * kappa * errors.discrepancy)) {
+  const double log_kappa = std::log(kappa) / errors.log_kappa_sigma;
+  log_prior = -0.5 * log_kappa * log_kappa;
+}
+
+double computeLogEvidence(const Eigen::VectorXd& y, const LinearModel& model, const FactoredErrors& errors) {
+  return solve(y, model, errors).log_evidence;
+}
+
 LinearFit fitLinear(const Eigen::VectorXd& y, const LinearModel& m, const ErrorModel& errors) {
   assert(m.offset.size() == y.size() && m.columns.rows() == y.size());
   assert(m.prior_mean.size() == m.columns.cols() && m.prior_sigma.size() == m.columns.cols());
@@ -110,7 +118,7 @@ LinearFit fitLinear(const Eigen::VectorXd& y, const LinearModel& m, const ErrorM
   search.set_max_objective(
       [](unsigned, const double* x, double*, void* data) {
         const auto& t = *static_cast<const Task*>(data);
-        return solve(t.y, t.model, t.errors, std::exp(x[0])).log_evidence;
+        return solve(t.y, t.model, FactoredErrors(t.errors, std::exp(x[0]))).log_evidence;
       },
       &task);
   std::vector<double> log_kappa{0.0};
@@ -119,19 +127,19 @@ LinearFit fitLinear(const Eigen::VectorXd& y, const LinearModel& m, const ErrorM
 
   LinearFit fit;
   fit.kappa = std::exp(log_kappa[0]);
-  const Solution s = solve(y, m, errors, fit.kappa);
+  const Solution s = solve(y, m, FactoredErrors(errors, fit.kappa));
   fit.log_evidence = s.log_evidence;
   fit.x = s.x;
   fit.covariance = s.covariance;
   fit.mean = m.offset + m.columns * s.x;
-  fit.whitened = factor(errors.noise + errors.discrepancy).matrixL().solve(y - fit.mean);
+  fit.whitened = factored(errors.noise + errors.discrepancy).matrixL().solve(y - fit.mean);
   fit.chi2_per_datum = fit.whitened.squaredNorm() / static_cast<double>(y.size());
   return fit;
 }
 
 Detectability::Detectability(const LinearModel& baseline, const ErrorModel& errors, double kappa) {
   const Eigen::MatrixXd scaled = baseline.columns * baseline.prior_sigma.asDiagonal();
-  const auto llt = factor(errors.noise + kappa * kappa * errors.discrepancy + scaled * scaled.transpose());
+  const auto llt = factored(errors.noise + kappa * kappa * errors.discrepancy + scaled * scaled.transpose());
   inverse_ = llt.solve(Eigen::MatrixXd::Identity(llt.rows(), llt.rows()));
 }
 

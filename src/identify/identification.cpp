@@ -476,7 +476,9 @@ double Chain::findFalls(const Model& start, std::vector<double>& times, double& 
   log_odds = 0.0;
   double total = 0.0;
   LinearModel model = linearModel(start);
-  double before = start.fit.log_evidence;
+  // At the start's kappa: a trial moves it only a little.
+  const FactoredErrors errors(errors_, start.fit.kappa);
+  double before = computeLogEvidence(data_, model, errors);
   while (times.size() < 3) {
     std::vector<double> gains, places;
     LinearModel trial = model;
@@ -492,7 +494,7 @@ double Chain::findFalls(const Model& start, std::vector<double>& times, double& 
     for (double time = 1.0; time < end - 1.0; time += kGridS) {
       trial.columns.col(column).setZero();
       trial.columns.block(site.first_row, column, site.rows(), 1) = fallTemplate(time, site.observation().time_s);
-      const double evidence = fitLinear(data_, trial, errors_).log_evidence;
+      const double evidence = computeLogEvidence(data_, trial, errors);
       gains.push_back(evidence - before);
       places.push_back(time);
       if (evidence > best_evidence) {
@@ -521,7 +523,9 @@ double Chain::findSwell(const Model& start, std::vector<double>& periods, double
   log_odds = 0.0;
   double total = 0.0;
   LinearModel model = linearModel(start);
-  double before = start.fit.log_evidence;
+  // At the start's kappa: a trial moves it only a little.
+  const FactoredErrors errors(errors_, start.fit.kappa);
+  double before = computeLogEvidence(data_, model, errors);
   while (periods.size() < 3) {
     std::vector<double> gains, places;
     LinearModel trial = model;
@@ -538,7 +542,7 @@ double Chain::findSwell(const Model& start, std::vector<double>& periods, double
       trial.columns.rightCols(2).setZero();
       trial.columns.block(site.first_row, column, site.rows(), 2) =
           swellTemplate(period, site.observation(), site.mean_n);
-      const double evidence = fitLinear(data_, trial, errors_).log_evidence;
+      const double evidence = computeLogEvidence(data_, trial, errors);
       gains.push_back(evidence - before);
       places.push_back(std::round(period * 20.0) / 20.0);
       if (evidence > best_evidence) {

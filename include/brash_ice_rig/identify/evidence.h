@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Core>
 
 namespace brash_ice_rig {
@@ -21,6 +22,15 @@ struct ErrorModel {
   double log_kappa_sigma = 0.3;  ///< standard deviation of ln kappa, about 0
 };
 
+/// The errors at one kappa, factored: for many models that share them.
+struct FactoredErrors {
+  /// @throws std::runtime_error if the covariance is not positive definite
+  FactoredErrors(const ErrorModel& errors, double kappa);
+
+  Eigen::LLT<Eigen::MatrixXd> factor;  ///< of the covariance
+  double log_prior = 0.0;              ///< of kappa
+};
+
 struct LinearFit {
   double log_evidence = 0.0;  ///< with the prior of kappa at its mode
   double kappa = 1.0;
@@ -35,6 +45,9 @@ struct LinearFit {
 /// [1/4, 4]; for each positive column, times twice the probability that it is positive.
 /// @param y  data  @throws std::runtime_error if the covariance is not positive definite
 LinearFit fitLinear(const Eigen::VectorXd& y, const LinearModel& model, const ErrorModel& errors);
+
+/// ln of the evidence of a model at a given kappa.
+double computeLogEvidence(const Eigen::VectorXd& y, const LinearModel& model, const FactoredErrors& errors);
 
 /// What a change of the data does after everything else has been refitted: norms and products in the metric that
 /// fitLinear() uses, with the columns of the baseline projected out as far as their priors let them.

@@ -5,16 +5,15 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <functional>
 #include <limits>
 #include <map>
 #include <memory>
-#include <numeric>
 #include <optional>
 #include <set>
 
 #include <Eigen/Cholesky>
 
-#include "brash_ice_rig/config/number_check.h"
 #include "brash_ice_rig/identify/overlay.h"
 
 namespace brash_ice_rig {
@@ -117,6 +116,11 @@ struct Model {
   bool simulated = false, frozen = false;
 };
 
+/// ln of the evidence of an effect in its best shape, the choice of the shape counted.
+double score(const Model& m) {
+  return m.fit.log_evidence + m.shape_log_odds;
+}
+
 class Chain {
  public:
   Chain(const IdentifyInput& input, RunLibrary& runs, const Thresholds& thresholds, const Discrepancy& discrepancy)
@@ -133,6 +137,8 @@ class Chain {
   Scenario scenarioAt(const Site& site, const Eigen::VectorXd& x, std::size_t index,
                       const std::vector<const Variant*>& variants, int seed) const;
   Eigen::Index unknowns() const { return kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(sites_.size()); }
+  SimulatedForce asRead(SimulatedForce force, const Scenario& scenario, const Eigen::VectorXd& x,
+                        const std::vector<const Variant*>& variants) const;
   void simulateBaseline();
   void addVariants();
   void computeSignatures(const std::vector<const Variant*>& variants, const std::string& what);
@@ -142,16 +148,17 @@ class Chain {
   ErrorModel errorsOf(const Model& model) const;
   void refit(Model& model) const;
   Model linear(const std::vector<const Variant*>& variants) const;
-  double findFalls(const Model& start, std::vector<double>& times, double& log_odds) const;
-  double findSwell(const Model& start, std::vector<double>& periods, double& log_odds) const;
+  double findPlaces(const Model& start, const std::vector<double>& places, const Amplitude& prior,
+                    const std::function<Eigen::MatrixXd(double)>& columns, std::vector<double>& found,
+                    double& log_odds) const;
   void locate(const Model& start, const std::string& what);
   void confirm(std::vector<Model*> models, const std::string& what, int passes);
   Eigen::VectorXd clipped(const Model& model, Eigen::VectorXd x) const;
   std::optional<Eigen::VectorXd> simulated(const Model& model, const Eigen::VectorXd& x, bool request_only);
-  Explanation explain(const Model& model, const Model& baseline) const;
+  Explanation explain(const Model& model, const Model& baseline, const Detectability& detectability) const;
   void addSecondEffect(std::vector<Model>& models, const Model& baseline);
-  void evaluateHoldout(const std::vector<Model*>& models, Identification& result, const std::vector<Model*>& shown);
-  void addDetectable(Identification& result, const Model& baseline) const;
+  void evaluateHoldout(const Model& baseline, const std::vector<Model>& models, Identification& result);
+  void addDetectable(Identification& result, const Detectability& detectability) const;
   void decide(Identification& result, const Model& baseline);
 
   const IdentifyInput& input_;
@@ -168,6 +175,11 @@ class Chain {
   ErrorModel errors_;
   Eigen::MatrixXd baseline_columns_;
   Eigen::VectorXd baseline_offset_;
+  struct Predicted {
+    Eigen::VectorXd curve_n;
+    CurveError error;
+  };
+  std::vector<Predicted> predicted_;  ///< of the held-out record, in the order of the ranking; empty without a curve
 };
 
 Site Chain::makeSite(const NamedRecord& named) const {
@@ -217,6 +229,22 @@ Scenario Chain::scenarioAt(const Site& site, const Eigen::VectorXd& x, std::size
     column += count;
   }
   return s;
+}
+
+/// A simulated force as the load cell shows it under those effects of a model that only change the reading.
+SimulatedForce Chain::asRead(SimulatedForce force, const Scenario& scenario, const Eigen::VectorXd& x,
+                             const std::vector<const Variant*>& variants) const {
+  Eigen::Index column = unknowns();
+  for (const Variant* v : variants) {
+    const auto count = static_cast<Eigen::Index>(v->amplitudes.size());
+    if (v->effect->reading_only) {
+      EffectValues values(*v->effect);
+      v->apply(values, x.segment(column, count));
+      force = throughLoadCell(values, scenario, force);
+    }
+    column += count;
+  }
+  return force;
 }
 
 void Chain::simulateBaseline() {
@@ -465,86 +493,45 @@ Model Chain::linear(const std::vector<const Variant*>& variants) const {
   return model;
 }
 
-/// Falls one after the other, each where it explains most, as long as each earns its place.
-/// @param log_odds  out: what having looked at many times costs
+/// Looks for causes of one kind that may be at many places: one after the other, each where it explains most, at most
+/// three, as long as each earns its place.
+/// @param places     at which one may be
+/// @param prior      of each column's unknown
+/// @param columns    what it does to the force of the first record from a place, per unit
+/// @param found      out
+/// @param log_odds   out: what having looked at many places costs
 /// @return ln of the Bayes factor of all of them together
-double Chain::findFalls(const Model& start, std::vector<double>& times, double& log_odds) const {
-  constexpr double kGridS = 0.5, kGain = 2.0;
+double Chain::findPlaces(const Model& start, const std::vector<double>& places, const Amplitude& prior,
+                         const std::function<Eigen::MatrixXd(double)>& columns, std::vector<double>& found,
+                         double& log_odds) const {
+  constexpr double kGain = 2.0;
   const Site& site = sites_.front();
-  const double end = site.observation().time_s[site.rows() - 1];
-  times.clear();
+  found.clear();
   log_odds = 0.0;
   double total = 0.0;
+  if (places.empty()) return total;
   LinearModel model = linearModel(start);
   // At the start's kappa: a trial moves it only a little.
   const FactoredErrors errors(errors_, start.fit.kappa);
   double before = computeLogEvidence(data_, model, errors);
-  while (times.size() < 3) {
-    std::vector<double> gains, places;
+  const Eigen::Index added = columns(places.front()).cols();
+  while (found.size() < 3) {
+    std::vector<double> gains;
     LinearModel trial = model;
     const Eigen::Index column = model.columns.cols();
-    trial.columns.conservativeResize(Eigen::NoChange, column + 1);
-    trial.prior_mean.conservativeResize(column + 1);
-    trial.prior_sigma.conservativeResize(column + 1);
-    trial.prior_mean[column] = 0.0;
-    trial.prior_sigma[column] = makeFalls({0.0}).amplitudes[0].prior_sigma;
-    trial.positive.push_back(true);
+    trial.columns.conservativeResize(Eigen::NoChange, column + added);
+    trial.prior_mean.conservativeResize(column + added);
+    trial.prior_sigma.conservativeResize(column + added);
+    trial.prior_mean.tail(added).setConstant(prior.prior_mean);
+    trial.prior_sigma.tail(added).setConstant(prior.prior_sigma);
+    trial.positive.resize(static_cast<std::size_t>(column + added), prior.positive);
     LinearModel best = trial;
     double best_evidence = -std::numeric_limits<double>::infinity();
-    for (double time = 1.0; time < end - 1.0; time += kGridS) {
-      trial.columns.col(column).setZero();
-      trial.columns.block(site.first_row, column, site.rows(), 1) = fallTemplate(time, site.observation().time_s);
+    for (const double place : places) {
+      trial.columns.rightCols(added).setZero();
+      trial.columns.block(site.first_row, column, site.rows(), added) = columns(place);
       const double evidence = computeLogEvidence(data_, trial, errors);
       gains.push_back(evidence - before);
-      places.push_back(time);
-      if (evidence > best_evidence) {
-        best_evidence = evidence;
-        best = trial;
-      }
-    }
-    if (gains.empty()) return total;
-    const double mean_gain = logMeanExp(gains);
-    const auto top = static_cast<std::size_t>(std::max_element(gains.begin(), gains.end()) - gains.begin());
-    if (mean_gain < kGain && !times.empty()) return total;
-    times.push_back(places[top]);
-    total += mean_gain;
-    log_odds += mean_gain - gains[top];
-    before = best_evidence;
-    model = best;
-    if (mean_gain < kGain) return total;
-  }
-  return total;
-}
-
-double Chain::findSwell(const Model& start, std::vector<double>& periods, double& log_odds) const {
-  constexpr double kShortestS = 3.0, kLongestS = 14.0, kRatio = 1.06, kGain = 2.0;
-  const Site& site = sites_.front();
-  periods.clear();
-  log_odds = 0.0;
-  double total = 0.0;
-  LinearModel model = linearModel(start);
-  // At the start's kappa: a trial moves it only a little.
-  const FactoredErrors errors(errors_, start.fit.kappa);
-  double before = computeLogEvidence(data_, model, errors);
-  while (periods.size() < 3) {
-    std::vector<double> gains, places;
-    LinearModel trial = model;
-    const Eigen::Index column = model.columns.cols();
-    trial.columns.conservativeResize(Eigen::NoChange, column + 2);
-    trial.prior_mean.conservativeResize(column + 2);
-    trial.prior_sigma.conservativeResize(column + 2);
-    trial.prior_mean.tail(2).setZero();
-    trial.prior_sigma.tail(2).setConstant(makeSwell({6.0}).amplitudes[0].prior_sigma);
-    trial.positive.resize(trial.positive.size() + 2, false);
-    LinearModel best = trial;
-    double best_evidence = -std::numeric_limits<double>::infinity();
-    for (double period = kShortestS; period < kLongestS; period *= kRatio) {
-      trial.columns.rightCols(2).setZero();
-      trial.columns.block(site.first_row, column, site.rows(), 2) =
-          swellTemplate(period, site.observation(), site.mean_n);
-      const double evidence = computeLogEvidence(data_, trial, errors);
-      gains.push_back(evidence - before);
-      places.push_back(std::round(period * 20.0) / 20.0);
       if (evidence > best_evidence) {
         best_evidence = evidence;
         best = trial;
@@ -552,8 +539,8 @@ double Chain::findSwell(const Model& start, std::vector<double>& periods, double
     }
     const double mean_gain = logMeanExp(gains);
     const auto top = static_cast<std::size_t>(std::max_element(gains.begin(), gains.end()) - gains.begin());
-    if (mean_gain < kGain && !periods.empty()) return total;
-    periods.push_back(places[top]);
+    if (mean_gain < kGain && !found.empty()) return total;
+    found.push_back(places[top]);
     total += mean_gain;
     log_odds += mean_gain - gains[top];
     before = best_evidence;
@@ -576,14 +563,28 @@ void Chain::locate(const Model& start, const std::string& what) {
     located_log_odds_[variants_.back().get()] = log_odds;
     added.push_back(variants_.back().get());
   };
+  const Site& site = sites_.front();
   if (!isOn("block_drop")) {
-    if (findFalls(start, places, log_odds) > 0.0) {
+    constexpr double kGridS = 0.5;
+    std::vector<double> times;
+    const double end = site.observation().time_s[site.rows() - 1];
+    for (double time = 1.0; time < end - 1.0; time += kGridS) times.push_back(time);
+    const auto columns = [&](double time) -> Eigen::MatrixXd { return fallTemplate(time, site.observation().time_s); };
+    if (findPlaces(start, times, makeFalls({0.0}).amplitudes[0], columns, places, log_odds) > 0.0) {
       std::sort(places.begin(), places.end());
       add(makeFalls(places));
     }
   }
   if (!isOn("vessel_heave")) {
-    if (findSwell(start, places, log_odds) > 0.0) add(makeSwell(places));
+    constexpr double kShortestS = 3.0, kLongestS = 14.0, kRatio = 1.06, kStepsPerS = 20.0;
+    std::vector<double> periods;
+    for (double period = kShortestS; period < kLongestS; period *= kRatio) {
+      periods.push_back(std::round(period * kStepsPerS) / kStepsPerS);
+    }
+    const auto columns = [&](double period) { return swellTemplate(period, site.observation(), site.mean_n); };
+    if (findPlaces(start, periods, makeSwell({6.0}).amplitudes[0], columns, places, log_odds) > 0.0) {
+      add(makeSwell(places));
+    }
   }
   computeSignatures(added, what);
 }
@@ -628,18 +629,7 @@ std::optional<Eigen::VectorXd> Chain::simulated(const Model& model, const Eigen:
       const std::string key = runs_.request(s);
       if (request_only) continue;
       if (runs_.failed(key)) return std::nullopt;
-      SimulatedForce force = runs_.force(key);
-      Eigen::Index column = unknowns();
-      for (const Variant* v : model.variants) {
-        const auto count = static_cast<Eigen::Index>(v->amplitudes.size());
-        if (v->effect->reading_only) {
-          EffectValues values(*v->effect);
-          v->apply(values, x.segment(column, count));
-          force = throughLoadCell(values, s, force);
-        }
-        column += count;
-      }
-      mean += site.bins(force, delay) / seeds;
+      mean += site.bins(asRead(runs_.force(key), s, x, model.variants), delay) / seeds;
     }
     parts.push_back(mean + site.known_n);
   }
@@ -670,7 +660,7 @@ void Chain::confirm(std::vector<Model*> models, const std::string& what, int pas
   }
 }
 
-Explanation Chain::explain(const Model& model, const Model& baseline) const {
+Explanation Chain::explain(const Model& model, const Model& baseline, const Detectability& detectability) const {
   Explanation e;
   e.holdout_rmse_n = e.holdout_ratio = kNaN;
   for (const Variant* v : model.variants) {
@@ -680,16 +670,13 @@ Explanation Chain::explain(const Model& model, const Model& baseline) const {
   }
   e.confirmed = model.simulated;
   // The baseline's evidence has changed since those were screened that nobody simulated.
-  e.log_bayes_factor =
-      model.simulated ? model.fit.log_evidence + model.shape_log_odds - baseline.fit.log_evidence : model.screened;
+  e.log_bayes_factor = model.simulated ? score(model) - baseline.fit.log_evidence : model.screened;
   e.chi2_per_bin = model.fit.chi2_per_datum;
   const double excess = baseline.fit.chi2_per_datum - 1.0;
   e.explained_ratio = excess > 0.0 ? (baseline.fit.chi2_per_datum - e.chi2_per_bin) / excess : kNaN;
   e.portmanteau_p = computeLjungBox(model.fit.whitened, kLags);
   const Eigen::VectorXd x = model.simulated ? model.x : model.fit.x;
-  const Eigen::VectorXd change = model.effect_columns * x.tail(model.effect_columns.cols());
-  Model plain = baseline;
-  e.detectability = Detectability(linearModel(plain), errors_, baseline.fit.kappa).of(change);
+  e.detectability = detectability.of(model.effect_columns * x.tail(model.effect_columns.cols()));
   const Eigen::VectorXd error = data_ - (model.simulated ? model.curve_n : model.fit.mean);
   e.rmse_n = std::sqrt(error.squaredNorm() / static_cast<double>(error.size()));
   Eigen::Index column = unknowns();
@@ -717,12 +704,11 @@ Explanation Chain::explain(const Model& model, const Model& baseline) const {
 void Chain::addSecondEffect(std::vector<Model>& models, const Model& baseline) {
   if (models.empty()) return;
   const Model first = models.front();
-  const double gained = first.fit.log_evidence + first.shape_log_odds - baseline.fit.log_evidence;
+  const double gained = score(first) - baseline.fit.log_evidence;
   if (!first.simulated || gained < thresholds_.log_bayes_factor) return;
   const std::string first_name = first.variants[0]->effect->name;
   locate(first, "falls and swell beside " + first_name);
   std::optional<Model> best;
-  const auto score = [](const Model& m) { return m.fit.log_evidence + m.shape_log_odds; };
   for (const auto& v : variants_) {
     if (v->effect->name == first_name || signatures_.count(v.get()) == 0) continue;
     Model pair = first;
@@ -801,35 +787,23 @@ double bestDelay(const Site& site, const std::vector<SimulatedForce>& forces) {
 
 /// Predicts a record that was not fitted. Only its own delay is fitted, for every model alike: when the rim meets the
 /// ice is a matter of the spot.
-void Chain::evaluateHoldout(const std::vector<Model*>& models, Identification& result,
-                            const std::vector<Model*>& shown) {
+void Chain::evaluateHoldout(const Model& baseline, const std::vector<Model>& models, Identification& result) {
   Site site = makeSite(*input_.holdout);
   const auto forcesOf = [&](const Model& model, bool request_only) {
     std::vector<SimulatedForce> forces;
     for (int seed = 1; seed <= kPairs; ++seed) {
-      Scenario s = scenarioAt(site, model.x, 0, model.variants, seed);
+      const Scenario s = scenarioAt(site, model.x, 0, model.variants, seed);
       const std::string key = runs_.request(s);
       if (request_only || runs_.failed(key)) continue;
-      SimulatedForce force = runs_.force(key);
-      Eigen::Index column = unknowns();
-      for (const Variant* v : model.variants) {
-        const auto count = static_cast<Eigen::Index>(v->amplitudes.size());
-        if (v->effect->reading_only) {
-          EffectValues values(*v->effect);
-          v->apply(values, model.x.segment(column, count));
-          force = throughLoadCell(values, s, force);
-        }
-        column += count;
-      }
-      forces.push_back(force);
+      forces.push_back(asRead(runs_.force(key), s, model.x, model.variants));
     }
     return forces;
   };
   Model given;
   given.x = Eigen::VectorXd::Zero(unknowns());
   given.simulated = true;
-  std::vector<Model*> all = models;
-  all.insert(all.begin(), &given);
+  std::vector<const Model*> all{&given, &baseline};
+  for (const Model& model : models) all.push_back(&model);
   for (const Model* model : all) {
     if (model->simulated) forcesOf(*model, true);
   }
@@ -854,28 +828,25 @@ void Chain::evaluateHoldout(const std::vector<Model*>& models, Identification& r
   const auto errorOf = [&](const Model* model) {
     return curves.count(model) == 0 ? CurveError() : computeError(site.observation(), curves[model], covariance);
   };
-  const double without = errorOf(models.front()).rmse_n;
-  for (std::size_t k = 1; k < models.size(); ++k) {
-    if (curves.count(models[k]) == 0) continue;
-    Explanation& e = result.ranking[k - 1];
-    e.holdout_rmse_n = errorOf(models[k]).rmse_n;
-    e.holdout_ratio = e.holdout_rmse_n / without;
+  const CurveError without = errorOf(&baseline);
+  predicted_.resize(models.size());
+  for (std::size_t k = 0; k < models.size(); ++k) {
+    if (curves.count(&models[k]) == 0) continue;
+    predicted_[k] = {curves[&models[k]], errorOf(&models[k])};
+    Explanation& e = result.ranking[k];
+    e.holdout_rmse_n = predicted_[k].error.rmse_n;
+    e.holdout_ratio = e.holdout_rmse_n / without.rmse_n;
   }
   RecordCurves& c = site.curves;
   c.baseline_n = curves[&given];
   c.before = errorOf(&given);
-  c.refitted_n = curves[models.front()];
-  c.refitted = errorOf(models.front());
-  if (!shown.empty() && curves.count(shown.front()) > 0) {
-    c.with_effect_n = curves[shown.front()];
-    c.after = errorOf(shown.front());
-  }
+  c.refitted_n = curves[&baseline];
+  c.refitted = without;
   c.total_sigma_n = covariance.diagonal().cwiseSqrt();
   result.holdout.push_back(c);
 }
 
-void Chain::addDetectable(Identification& result, const Model& baseline) const {
-  const Detectability detectability(linearModel(baseline), errors_, baseline.fit.kappa);
+void Chain::addDetectable(Identification& result, const Detectability& detectability) const {
   struct Seen {
     const EffectDescription* effect;
     Eigen::VectorXd change;
@@ -1001,6 +972,7 @@ void Chain::decide(Identification& result, const Model& baseline) {
   }
   if (!accepted.empty()) {
     const Explanation& best = *accepted.front();
+    result.accepted = static_cast<std::size_t>(&best - result.ranking.data());
     result.effects = best.effects;
     result.verdict = Verdict::kEffect;
     if (best.effects.size() == 1) {
@@ -1075,11 +1047,10 @@ Identification Chain::run() {
     }
     if (!best) continue;
     best->shape_log_odds += logMeanExp(evidence) - best->fit.log_evidence;
-    best->screened = best->fit.log_evidence + best->shape_log_odds - baseline.fit.log_evidence;
+    best->screened = score(*best) - baseline.fit.log_evidence;
     models.push_back(*best);
   }
-  const auto score = [](const Model& m) { return m.fit.log_evidence + m.shape_log_odds; };
-  const auto byScore = [&](const Model& a, const Model& b) { return score(a) > score(b); };
+  const auto byScore = [](const Model& a, const Model& b) { return score(a) > score(b); };
   std::stable_sort(models.begin(), models.end(), byScore);
   std::vector<Model*> to_confirm{&baseline};
   for (std::size_t k = 0; k < models.size() && k < kConfirmed; ++k) {
@@ -1089,34 +1060,19 @@ Identification Chain::run() {
     confirm(to_confirm, "full simulations of the best explanations", kPasses);
   }
   // A simulation counts for more than a straight line.
-  std::stable_sort(models.begin(), models.end(), [&](const Model& a, const Model& b) {
+  std::stable_sort(models.begin(), models.end(), [](const Model& a, const Model& b) {
     return a.simulated != b.simulated ? a.simulated : score(a) > score(b);
   });
   addSecondEffect(models, baseline);
 
-  for (const Model& model : models) result.ranking.push_back(explain(model, baseline));
-  addDetectable(result, baseline);
-  std::vector<Model*> shown;
-  if (input_.holdout && !input_.screen_only) {
-    std::vector<Model*> predicted{&baseline};
-    for (Model& model : models) predicted.push_back(&model);
-    // The one that is drawn: the best that will be accepted if it holds on this record.
-    for (std::size_t k = 0; k < models.size() && shown.empty(); ++k) {
-      const Explanation& e = result.ranking[k];
-      if (e.confirmed && e.log_bayes_factor > e.threshold) shown.push_back(&models[k]);
-    }
-    evaluateHoldout(predicted, result, shown);
-  }
+  const Detectability detectability(linearModel(baseline), errors_, baseline.fit.kappa);
+  for (const Model& model : models) result.ranking.push_back(explain(model, baseline, detectability));
+  addDetectable(result, detectability);
+  if (input_.holdout && !input_.screen_only) evaluateHoldout(baseline, models, result);
   decide(result, baseline);
 
-  // The curves, for the explanation that was accepted or else for the best one.
-  const Model* best = nullptr;
-  for (std::size_t k = 0; k < models.size(); ++k) {
-    if (!result.effects.empty() && result.ranking[k].effects.front() == result.effects.front() && models[k].simulated) {
-      best = &models[k];
-      break;
-    }
-  }
+  // The curves, for the explanation that was accepted.
+  const Model* best = result.accepted ? &models[*result.accepted] : nullptr;
   for (std::size_t k = 0; k < ice_.size(); ++k) {
     const auto i = static_cast<Eigen::Index>(k);
     result.baseline.push_back({ice_[k].key, ice_[k].unit, ice_[k].prior, ice_[k].sigma, ice_[k].prior + baseline.x[i],
@@ -1163,8 +1119,9 @@ Identification Chain::run() {
   } else {
     result.overlay = toOverlay(scenarioAt(sites_.front(), baseline.x, 0, {}, 1));
   }
-  if (result.verdict != Verdict::kEffect && result.verdict != Verdict::kTie && !result.holdout.empty()) {
-    result.holdout.front().with_effect_n.resize(0);
+  if (best != nullptr && !result.holdout.empty()) {
+    result.holdout.front().with_effect_n = predicted_[*result.accepted].curve_n;
+    result.holdout.front().after = predicted_[*result.accepted].error;
   }
 
   // What people read.
@@ -1193,9 +1150,7 @@ Identification Chain::run() {
     if (const EffectDescription* effect = findEffect(name)) text.push_back(name + ": " + effect->mechanism + ".");
   }
   if (best != nullptr) {
-    const Explanation& e = *std::find_if(result.ranking.begin(), result.ranking.end(), [&](const Explanation& r) {
-      return r.confirmed && r.effects.front() == result.effects.front();
-    });
+    const Explanation& e = result.ranking[*result.accepted];
     std::string evidence = "Evidence: ln of the Bayes factor " + shortNumber(e.log_bayes_factor) +
                            " (asked: more than " + shortNumber(e.threshold) + "), detectability " +
                            shortNumber(e.detectability);

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "brash_ice_rig/identify/candidate.h"
+#include "brash_ice_rig/identify/covariance.h"
 #include "brash_ice_rig/identify/evidence.h"
 #include "brash_ice_rig/identify/observation.h"
 #include "brash_ice_rig/identify/record_check.h"
@@ -89,7 +90,8 @@ struct Identification {
   bool significant = false;
   double chi2_per_bin = 0.0, portmanteau_p = 1.0, kappa = 1.0;
   std::size_t bins = 0;
-  std::vector<Explanation> ranking;  ///< the likeliest first
+  std::vector<Explanation> ranking;     ///< the likeliest first
+  std::optional<std::size_t> accepted;  ///< place in the ranking of the explanation that holds
   std::vector<BaselineParameter> baseline;
   std::vector<RecordCurves> records;  ///< those that were fitted
   std::vector<RecordCurves> holdout;  ///< one or none

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <vector>
 
+#include "brash_ice_rig/config/broken_line.h"
+
 namespace brash_ice_rig {
 
 double computeMatern32(double distance, double length) {
@@ -11,23 +13,11 @@ double computeMatern32(double distance, double length) {
   return (1.0 + scaled) * std::exp(-scaled);
 }
 
-namespace {
-
-/// Linear between the points, constant beyond them.
-double interpolated(const std::vector<double>& x, const std::vector<double>& y, double at) {
-  if (at <= x.front()) return y.front();
-  if (at >= x.back()) return y.back();
-  const auto next = static_cast<std::size_t>(std::upper_bound(x.begin(), x.end(), at) - x.begin());
-  return y[next - 1] + (at - x[next - 1]) / (x[next] - x[next - 1]) * (y[next] - y[next - 1]);
-}
-
-}  // namespace
-
 Eigen::VectorXd computeKnownDiscrepancy(const Discrepancy& d, const Observation& o, double peak_n) {
   Eigen::VectorXd known = Eigen::VectorXd::Zero(o.time_s.size());
   if (d.way_m.empty()) return known;
   for (Eigen::Index i = 0; i < known.size(); ++i) {
-    if (o.time_s[i] > 0.0) known[i] = peak_n * interpolated(d.way_m, d.mean_share, o.way_m[i]);
+    if (o.time_s[i] > 0.0) known[i] = peak_n * valueOfBrokenLine(d.way_m, d.mean_share, o.way_m[i]);
   }
   return known;
 }
@@ -124,8 +114,8 @@ Eigen::MatrixXd computeDiscrepancyCovariance(const Discrepancy& d, const Observa
   for (Eigen::Index i = 0; i < n; ++i) {
     const bool moving = o.time_s[i] > 0.0;
     place[i] = placeOf(d, o, i);
-    const double own =
-        d.way_m.empty() ? d.share * std::abs(ice_force_n[i]) : peak * interpolated(d.way_m, d.sigma_share, o.way_m[i]);
+    const double own = d.way_m.empty() ? d.share * std::abs(ice_force_n[i])
+                                       : peak * valueOfBrokenLine(d.way_m, d.sigma_share, o.way_m[i]);
     smooth[i] = moving ? std::sqrt(own * own + chaos_n[i] * chaos_n[i]) + d.share_of_peak * peak : 0.0;
     rough[i] = moving ? d.rough_share * std::abs(ice_force_n[i]) : 0.0;
     rest[i] = std::hypot(d.rest_share * peak, chaos_n[0]) * std::exp(-place[i] / d.rest_length_m);

@@ -23,18 +23,6 @@ Json toJson(const Eigen::VectorXd& values) {
   return array;
 }
 
-const char* severityName(Severity severity) {
-  switch (severity) {
-    case Severity::kNote:
-      return "note";
-    case Severity::kDegraded:
-      return "limit";
-    case Severity::kRefuse:
-      return "refused";
-  }
-  return "note";
-}
-
 Json toJson(const CurveError& e) {
   return {{"rmse_n", e.rmse_n},
           {"nrmse_ratio", e.nrmse_ratio},
@@ -46,7 +34,6 @@ Json toJson(const CurveError& e) {
 }
 
 Json recordJson(const RecordCurves& c) {
-  constexpr const char* kSources[] = {"field", "lab", "synthetic"};
   Json findings = Json::array();
   for (const Finding& f : c.report.findings) {
     findings.push_back(
@@ -54,7 +41,7 @@ Json recordJson(const RecordCurves& c) {
   }
   return {{"path", c.path},
           {"title", c.record.title},
-          {"source", kSources[static_cast<std::size_t>(c.record.source)]},
+          {"source", sourceName(c.record.source)},
           {"position", c.record.position == PositionOrigin::kMeasured ? "measured" : "commanded"},
           {"duration_s", c.report.duration_s},
           {"peak_force_n", c.report.peak_force_n},
@@ -229,7 +216,7 @@ bool runIdentify(const IdentifyOptions& options) {
   const Thresholds thresholds = identificationThresholds();
   try {
     RunLibrary runs(options.cache.empty() ? directory + "/runs" : options.cache, pool, messages);
-    result = identify(options.input, runs, thresholds, identificationDiscrepancy());
+    result = identify(options.input, runs, thresholds, Discrepancy());
   } catch (const Interrupted&) {
     messages.finish();
     std::fprintf(stderr, "interrupted; the same command goes on where it was\n");

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "brash_ice_rig/config/broken_line.h"
 #include "brash_ice_rig/config/csv.h"
 
 namespace brash_ice_rig {
@@ -138,14 +139,6 @@ HoistPath fitPath(const std::vector<double>& t, const std::vector<double>& p, co
   return path;
 }
 
-double interpolated(const std::vector<double>& x, const std::vector<double>& y, double at) {
-  if (at <= x.front()) return y.front();
-  if (at >= x.back()) return y.back();
-  const auto next = static_cast<std::size_t>(std::upper_bound(x.begin(), x.end(), at) - x.begin());
-  const double share = (at - x[next - 1]) / (x[next] - x[next - 1]);
-  return y[next - 1] + share * (y[next] - y[next - 1]);
-}
-
 /// From the bins at rest: scatter within them is white, what is left between them is slow. A short stretch hides slow
 /// noise, so there is at least half as much of it as one sample scatters, and at most
 /// 2.5 times that.
@@ -216,7 +209,7 @@ Observation makeObservation(const Record& record, const RecordReport& report) {
     if (bins[k].empty()) continue;
     time.push_back(middle);
     force.push_back(std::accumulate(bins[k].begin(), bins[k].end(), 0.0) / static_cast<double>(bins[k].size()));
-    way.push_back(interpolated(o.path.time_s, o.path.height_m, middle));
+    way.push_back(valueOfBrokenLine(o.path.time_s, o.path.height_m, middle));
   }
   const auto count = static_cast<Eigen::Index>(time.size());
   o.time_s = Eigen::Map<Eigen::VectorXd>(time.data(), count);
@@ -227,7 +220,7 @@ Observation makeObservation(const Record& record, const RecordReport& report) {
   for (std::size_t k = 1; k < o.path.time_s.size(); ++k) {
     travel.push_back(travel.back() + std::abs(o.path.height_m[k] - o.path.height_m[k - 1]));
   }
-  for (Eigen::Index i = 0; i < count; ++i) o.travel_m[i] = interpolated(o.path.time_s, travel, o.time_s[i]);
+  for (Eigen::Index i = 0; i < count; ++i) o.travel_m[i] = valueOfBrokenLine(o.path.time_s, travel, o.time_s[i]);
   o.noise = estimateNoise(rest, report.noise_sigma_n);
   return o;
 }
@@ -264,7 +257,7 @@ Eigen::VectorXd binned(const std::vector<double>& time_s, const std::vector<doub
     if (t >= time_s.back()) return integral.back() + (t - time_s.back()) * force_n.back();
     const auto next = static_cast<std::size_t>(std::upper_bound(time_s.begin(), time_s.end(), t) - time_s.begin());
     const double step = t - time_s[next - 1];
-    const double at = interpolated(time_s, force_n, t);
+    const double at = valueOfBrokenLine(time_s, force_n, t);
     return integral[next - 1] + 0.5 * (force_n[next - 1] + at) * step;
   };
   Eigen::VectorXd means(bin_time_s.size());

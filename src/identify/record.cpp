@@ -357,6 +357,18 @@ bool isRecord(const std::string& path) {
   return false;
 }
 
+const char* sourceName(RecordSource source) {
+  switch (source) {
+    case RecordSource::kField:
+      return "field";
+    case RecordSource::kLab:
+      return "lab";
+    case RecordSource::kSynthetic:
+      return "synthetic";
+  }
+  return "unknown";
+}
+
 Record readRecord(const std::string& path) {
   const std::string base = baseOf(path);
   Record record;

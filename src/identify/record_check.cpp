@@ -731,6 +731,8 @@ const char* stageKindName(RecordStageKind kind) {
   return "unknown";
 }
 
+}  // namespace
+
 const char* severityName(Severity severity) {
   switch (severity) {
     case Severity::kNote:
@@ -742,8 +744,6 @@ const char* severityName(Severity severity) {
   }
   return "unknown";
 }
-
-}  // namespace
 
 Usability RecordReport::usability() const {
   Severity worst = Severity::kNote;
@@ -823,9 +823,7 @@ RecordReport checkRecord(const Record& record) {
 }
 
 std::string describe(const std::string& name, const Record& record, const RecordReport& report) {
-  constexpr const char* kSourceNames[] = {"field", "lab", "synthetic"};
-  std::string text =
-      name + ": record \"" + record.title + "\" (" + kSourceNames[static_cast<int>(record.source)] + ")\n";
+  std::string text = name + ": record \"" + record.title + "\" (" + sourceName(record.source) + ")\n";
   const auto row = [&](const std::string& left, const std::string& right) {
     constexpr std::size_t kWidth = 10;
     text += "  " + left + std::string(left.size() < kWidth ? kWidth - left.size() : 1, ' ') + right + "\n";

@@ -12,8 +12,4 @@ Thresholds identificationThresholds() {
   return t;
 }
 
-Discrepancy identificationDiscrepancy() {
-  return {};
-}
-
 }  // namespace brash_ice_rig

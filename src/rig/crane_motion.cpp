@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "brash_ice_rig/config/broken_line.h"
 #include "brash_ice_rig/config/config_error.h"
 #include "brash_ice_rig/config/csv.h"
 #include "brash_ice_rig/system/hash.h"
@@ -39,12 +40,7 @@ CraneMotion::CraneMotion(std::vector<double> time_s, std::vector<double> height_
 }
 
 double CraneMotion::wayAt(double time_s) const {
-  if (time_s <= time_s_.front()) return 0.0;
-  if (time_s >= time_s_.back()) return way_m_.back();
-  const auto next =
-      static_cast<std::size_t>(std::upper_bound(time_s_.begin(), time_s_.end(), time_s) - time_s_.begin());
-  const double share = (time_s - time_s_[next - 1]) / (time_s_[next] - time_s_[next - 1]);
-  return way_m_[next - 1] + share * (way_m_[next] - way_m_[next - 1]);
+  return valueOfBrokenLine(time_s_, way_m_, time_s);
 }
 
 double CraneMotion::lowest() const {

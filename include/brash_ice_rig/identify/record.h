@@ -12,6 +12,8 @@
 namespace brash_ice_rig {
 
 enum class RecordSource { kField, kLab, kSynthetic };
+/// As in the manifest.
+const char* sourceName(RecordSource source);
 enum class PositionOrigin { kMeasured, kCommanded };
 
 /// A property of the ice that somebody measured or knows otherwise.

@@ -17,6 +17,9 @@ enum class Severity {
   kRefuse     ///< nothing can be identified from the record as it is
 };
 
+/// As it is told: note, limit, refused.
+const char* severityName(Severity severity);
+
 /// Something that a check found.
 struct Finding {
   Severity severity = Severity::kNote;

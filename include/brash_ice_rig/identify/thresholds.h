@@ -4,8 +4,6 @@
 #include <utility>
 #include <vector>
 
-#include "brash_ice_rig/identify/covariance.h"
-
 namespace brash_ice_rig {
 
 /// What is asked of the evidence before an effect is named. Set on no-effect lifts of another program's making and of
@@ -34,6 +32,5 @@ struct Thresholds {
 };
 
 Thresholds identificationThresholds();
-Discrepancy identificationDiscrepancy();
 
 }  // namespace brash_ice_rig

@@ -170,9 +170,9 @@ TEST_F(NodeCheckpoint, TimeGoesOnOverALoadAndTheTestGoesBack) {
   clock.messages.clear();
   ASSERT_TRUE(call("load_checkpoint", "").success);
   ASSERT_TRUE(status.waitForNew([](const SimStatus& s) { return s.time_s < 0.9; }));
-  EXPECT_NEAR(status.messages.back().time_s, 0.2, 1e-9);
-  EXPECT_EQ(status.messages.back().stage, "lift");
-  EXPECT_TRUE(status.messages.back().paused);
+  EXPECT_NEAR(status.last().time_s, 0.2, 1e-9);
+  EXPECT_EQ(status.last().stage, "lift");
+  EXPECT_TRUE(status.last().paused);
   step(0.2);
   ASSERT_TRUE(clock.waitForNew());
   for (std::size_t k = 1; k < clock.messages.size(); ++k) {
@@ -189,7 +189,7 @@ TEST_F(NodeCheckpoint, TimeGoesOnOverALoadAndTheTestGoesBack) {
 
   // What is not good leaves the rig as it is.
   ASSERT_TRUE(status.waitForNew([](const SimStatus& s) { return s.time_s > 0.3; }));
-  const double before_s = status.messages.back().time_s;
+  const double before_s = status.last().time_s;
   EXPECT_NE(refusal("load_checkpoint", "nowhere.bin").find("nowhere.bin: file cannot be read"), std::string::npos);
   std::string content = readFile(checkpoints() / "checkpoint.bin");
   std::ofstream(checkpoints() / "short.bin", std::ios::binary) << content.substr(0, content.size() / 2);
@@ -198,7 +198,7 @@ TEST_F(NodeCheckpoint, TimeGoesOnOverALoadAndTheTestGoesBack) {
   std::ofstream(checkpoints() / "flipped.bin", std::ios::binary) << content;
   EXPECT_NE(refusal("load_checkpoint", "flipped.bin").find("flipped.bin: is damaged"), std::string::npos);
   ASSERT_TRUE(status.waitForNew());
-  EXPECT_NEAR(status.messages.back().time_s, before_s, 1e-9);
+  EXPECT_NEAR(status.last().time_s, before_s, 1e-9);
   end(SIGINT);
 
   // Another rig.

@@ -45,9 +45,9 @@ class Command : public testing::Test {
     return false;
   }
 
-  bool flagged(std::uint32_t flag) { return !status_.messages.empty() && hasFlag(status_.messages.back(), flag); }
-  double speed() { return crane_.messages.back().velocity_mps.z; }
-  double height() { return crane_.messages.back().position_m.z; }
+  bool flagged(std::uint32_t flag) { return !status_.messages.empty() && hasFlag(status_.last(), flag); }
+  double speed() { return crane_.last().velocity_mps.z; }
+  double height() { return crane_.last().position_m.z; }
 
   ros::NodeHandle node_;
   ros::Publisher publisher_;
@@ -57,24 +57,27 @@ class Command : public testing::Test {
 
 TEST_F(Command, CraneFollowsItAndTheExecutedOneIsPublished) {
   Listener<geometry_msgs::TwistStamped> executed("crane/cmd_vel_out");
-  EXPECT_TRUE(driveUntil(makeCommand(-0.1), [&] { return std::abs(speed() + 0.1) < 1e-9; }));
-  EXPECT_EQ(executed.messages.back().header.frame_id, "crane_tip");
-  EXPECT_NEAR(executed.messages.back().twist.linear.z, -0.1, 1e-9);
+  ASSERT_TRUE(executed.waitForConnection());
+  EXPECT_TRUE(driveUntil(makeCommand(-0.1), [&] {
+    return std::abs(speed() + 0.1) < 1e-9 && !executed.messages.empty() &&
+           std::abs(executed.last().twist.linear.z + 0.1) < 1e-9;
+  }));
+  EXPECT_EQ(executed.last().header.frame_id, "crane_tip");
 }
 
 TEST_F(Command, SidewaysMovesTheBoom) {
   auto command = makeCommand(0.0);
   command.twist.linear.x = 0.1;
-  EXPECT_TRUE(driveUntil(command, [&] { return crane_.messages.back().position_m.x > 0.05; }));
-  EXPECT_NEAR(crane_.messages.back().position_m.y, 0.0, 1e-9);
+  EXPECT_TRUE(driveUntil(command, [&] { return crane_.last().position_m.x > 0.05; }));
+  EXPECT_NEAR(crane_.last().position_m.y, 0.0, 1e-9);
 }
 
 TEST_F(Command, StaleCommandStopsTheCrane) {
   ASSERT_TRUE(driveUntil(makeCommand(-0.1), [&] { return speed() < -0.09; }));
-  const double last_command_s = crane_.messages.back().time_s;
+  const double last_command_s = crane_.last().time_s;
   ASSERT_TRUE(waitFor([&] { return speed() == 0.0; }));
   // Timeout 0.25 s, then the ramp from 0.1 m/s at 0.5 m/s2; states come every 0.1 s.
-  EXPECT_NEAR(crane_.messages.back().time_s - last_command_s, 0.25 + 0.2, 0.25);
+  EXPECT_NEAR(crane_.last().time_s - last_command_s, 0.25 + 0.2, 0.25);
   EXPECT_TRUE(waitFor([&] { return flagged(SimStatus::COMMAND_TIMEOUT); }));
   const double rest_m = height();
   spinFor(0.5);
@@ -99,6 +102,7 @@ TEST_F(Command, ForeignFrameIsRefused) {
 
 TEST_F(Command, TooLargeIsCutToTheSpeedLimit) {
   Listener<geometry_msgs::TwistStamped> executed("crane/cmd_vel_out");
+  ASSERT_TRUE(executed.waitForConnection());
   EXPECT_TRUE(driveUntil(makeCommand(-1e300), [&] { return flagged(SimStatus::SPEED_LIMITED); }));
   EXPECT_TRUE(waitFor([&] { return !executed.messages.empty(); }));
   for (const auto& message : executed.messages) EXPECT_GE(message.twist.linear.z, -0.5);
@@ -114,16 +118,16 @@ TEST_F(Command, TravelEndsAtTheLimit) {
 TEST_F(Command, FoldFollowsItsCommandAndRefusesNonsense) {
   auto fold = node_.advertise<std_msgs::Float64>("collector/cmd_fold", 1);
   ASSERT_TRUE(waitFor([&] { return fold.getNumSubscribers() > 0; }));
-  const double open_rad = crane_.messages.back().arm_angle_rad;
+  const double open_rad = crane_.last().arm_angle_rad;
   std_msgs::Float64 target;
   target.data = 0.9;
   fold.publish(target);
-  EXPECT_TRUE(waitFor([&] { return std::abs(crane_.messages.back().fold_ratio - 0.9) < 1e-6; }));
-  EXPECT_GT(crane_.messages.back().arm_angle_rad, open_rad);
+  EXPECT_TRUE(waitFor([&] { return std::abs(crane_.last().fold_ratio - 0.9) < 1e-6; }));
+  EXPECT_GT(crane_.last().arm_angle_rad, open_rad);
   target.data = 7.0;
   fold.publish(target);
   EXPECT_TRUE(waitFor([&] { return flagged(SimStatus::COMMAND_REJECTED); }));
-  EXPECT_NEAR(crane_.messages.back().fold_target, 0.9, 1e-9);
+  EXPECT_NEAR(crane_.last().fold_target, 0.9, 1e-9);
 }
 
 // The second publisher must be another process: ROS merges those of one node.

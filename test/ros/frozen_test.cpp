@@ -11,13 +11,13 @@ TEST(FrozenWorld, NodeLivesOnAndNamesTheRemedy) {
   Listener<SimStatus> status("sim/status");
   ASSERT_TRUE(status.waitForNew([](const SimStatus& s) { return s.frozen; }, 30.0));
   ASSERT_TRUE(status.waitForNew([](const SimStatus& s) { return hasFlag(s, SimStatus::NON_FINITE); }));
-  const SimStatus& frozen = status.messages.back();
+  const SimStatus& frozen = status.last();
   const auto index = static_cast<std::size_t>(findFlag(frozen, SimStatus::NON_FINITE));
   EXPECT_EQ(frozen.flag_names.at(index), "non_finite");
   EXPECT_FALSE(frozen.remedies.at(index).empty());
   const std::uint64_t steps = frozen.step_count;
   ASSERT_TRUE(status.waitForNew());
-  EXPECT_EQ(status.messages.back().step_count, steps);
+  EXPECT_EQ(status.last().step_count, steps);
 
   Listener<diagnostic_msgs::DiagnosticArray> diagnostics("/diagnostics");
   EXPECT_TRUE(diagnostics.waitForNew([](const diagnostic_msgs::DiagnosticArray& array) {

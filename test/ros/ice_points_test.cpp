@@ -12,7 +12,7 @@ TEST(IcePoints, EightFloatsPerParticleInTheDocumentedOrder) {
   Listener<SimStatus> status("sim/status");
   ASSERT_TRUE(clouds.waitForNew());
   ASSERT_TRUE(status.waitForNew());
-  const sensor_msgs::PointCloud2& cloud = clouds.messages.back();
+  const sensor_msgs::PointCloud2& cloud = clouds.last();
   const std::vector<std::string> names = {"x", "y", "z", "speed", "pressure", "plastic_strain", "damage", "submerged"};
   ASSERT_EQ(cloud.fields.size(), names.size());
   for (std::size_t i = 0; i < names.size(); ++i) {
@@ -24,7 +24,7 @@ TEST(IcePoints, EightFloatsPerParticleInTheDocumentedOrder) {
   EXPECT_EQ(cloud.header.frame_id, "map");
   EXPECT_EQ(cloud.point_step, 32u);
   EXPECT_EQ(cloud.height, 1u);
-  EXPECT_EQ(cloud.width, status.messages.back().particle_count);
+  EXPECT_EQ(cloud.width, status.last().particle_count);
   EXPECT_EQ(cloud.width, 16u * 16u * 4u);
   EXPECT_EQ(cloud.data.size(), 32u * cloud.width);
   EXPECT_TRUE(cloud.is_dense);
@@ -33,7 +33,7 @@ TEST(IcePoints, EightFloatsPerParticleInTheDocumentedOrder) {
 TEST(IcePoints, ParticlesFloatInTheField) {
   Listener<sensor_msgs::PointCloud2> clouds("ice/points");
   ASSERT_TRUE(clouds.waitForNew());
-  const sensor_msgs::PointCloud2& cloud = clouds.messages.back();
+  const sensor_msgs::PointCloud2& cloud = clouds.last();
   double mean_z = 0.0;
   for (std::size_t i = 0; i < cloud.width; ++i) {
     float point[8];

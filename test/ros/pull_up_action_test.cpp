@@ -90,8 +90,8 @@ class PullUpByAction : public testing::Test {
 
   /// The crane moves now, and stands 0.3 s of simulated time later.
   void expectStopWithinThreeTenths() {
-    ASSERT_FALSE(stands(joints_.messages.back()));
-    const double from_s = joints_.messages.back().header.stamp.toSec();
+    ASSERT_FALSE(stands(joints_.last()));
+    const double from_s = joints_.last().header.stamp.toSec();
     ASSERT_TRUE(joints_.waitForNew(stands));
     const auto standing = std::find_if(
         joints_.messages.begin(), joints_.messages.end(),
@@ -176,25 +176,26 @@ TEST_F(PullUpByAction, CancelStopsTheCraneWithinThreeTenthsOfASecond) {
   EXPECT_GT(client_.result().peak_force_n, 0.0);
 }
 
-pid_t spawnClient() {
-  char program[] = "/proc/self/exe", role[] = "--client";
-  char* const arguments[] = {program, role, nullptr};
+/// Starts this program again as another node.
+pid_t spawnRole(const std::string& role) {
+  const char program[] = "/proc/self/exe";
+  const char* const arguments[] = {program, role.c_str(), nullptr};
   pid_t child = 0;
-  EXPECT_EQ(posix_spawn(&child, program, nullptr, nullptr, arguments, environ), 0);
+  EXPECT_EQ(posix_spawn(&child, program, nullptr, nullptr, const_cast<char* const*>(arguments), environ), 0);
   return child;
 }
 
 TEST_F(PullUpByAction, KilledClientStopsTheCraneWithinThreeTenthsOfASecond) {
-  const pid_t child = spawnClient();
+  const pid_t child = spawnRole("--client");
   ASSERT_TRUE(lifting());
   spinFor(0.1);
   kill(child, SIGKILL);
   expectStopWithinThreeTenths();
   waitpid(child, nullptr, 0);
-  const double rest_m = joints_.messages.back().position[2];
+  const double rest_m = joints_.last().position[2];
   ASSERT_TRUE(crane_.waitForNew());
   spinFor(0.3);
-  EXPECT_EQ(joints_.messages.back().position[2], rest_m);
+  EXPECT_EQ(joints_.last().position[2], rest_m);
   // The rig is free for the next one.
   client_.send(shortLift(0.5));
   ASSERT_TRUE(client_.waitForEnd());
@@ -202,16 +203,14 @@ TEST_F(PullUpByAction, KilledClientStopsTheCraneWithinThreeTenthsOfASecond) {
 }
 
 TEST_F(PullUpByAction, SenderThatDoesNotListenIsNotObeyedForLong) {
-  ros::NodeHandle node;
   Listener<PullUpActionResult> results("pull_up/result");
   ASSERT_TRUE(results.waitForConnection());
-  const std::string command =
-      "timeout 20 rostopic pub -1 " + node.resolveName("pull_up/goal") +
-      " brash_ice_rig/PullUpActionGoal '{goal: {lift_speed_mps: 0.052, lift_duration_s: 60}}' > /dev/null 2>&1 &";
-  ASSERT_EQ(std::system(command.c_str()), 0);
-  ASSERT_TRUE(results.waitForNew());
-  EXPECT_NE(results.messages.back().result.message.find("does not listen"), std::string::npos)
-      << results.messages.back().result.message;
+  const pid_t child = spawnRole("--deaf-sender");
+  EXPECT_TRUE(results.waitForNew());
+  kill(child, SIGKILL);
+  waitpid(child, nullptr, 0);
+  ASSERT_FALSE(results.messages.empty());
+  EXPECT_NE(results.last().result.message.find("does not listen"), std::string::npos) << results.last().result.message;
   EXPECT_TRUE(joints_.waitForNew(stands));
 }
 
@@ -408,10 +407,23 @@ int actAsClient(int argc, char** argv) {
   return 0;
 }
 
+/// Sends a goal as a bare message and subscribes to nothing.
+int actAsDeafSender(int argc, char** argv) {
+  ros::init(argc, argv, "deaf_sender", ros::init_options::NoSigintHandler);
+  ros::NodeHandle node;
+  auto publisher = node.advertise<PullUpActionGoal>("pull_up/goal", 1, /* latch= */ true);
+  PullUpActionGoal goal;
+  goal.goal = shortLift();
+  publisher.publish(goal);
+  spinFor(60.0);
+  return 0;
+}
+
 }  // namespace
 }  // namespace brash_ice_rig
 
 int main(int argc, char** argv) {
   if (argc >= 2 && std::strcmp(argv[1], "--client") == 0) return brash_ice_rig::actAsClient(argc, argv);
+  if (argc >= 2 && std::strcmp(argv[1], "--deaf-sender") == 0) return brash_ice_rig::actAsDeafSender(argc, argv);
   return brash_ice_rig::runRosTest(argc, argv, "pull_up_action_test");
 }

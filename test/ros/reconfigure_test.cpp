@@ -102,11 +102,11 @@ TEST_F(Reconfigure, NoiseOfTheReadingBeginsWithTheNextSampleAndIsRecorded) {
   }
   EXPECT_NEAR(std::sqrt(square), 300.0, 4.0 * 300.0 / std::sqrt(200.0));
   ASSERT_FALSE(commands.messages.empty());
-  EXPECT_TRUE(commands.messages.back().has_load_cell_noise);
-  EXPECT_FALSE(commands.messages.back().has_load_cell_resolution);
-  EXPECT_EQ(commands.messages.back().load_cell_noise_n, 300.0);
-  EXPECT_NEAR(commands.messages.back().time_s, -1.0 + 0.1, 1e-9);
-  EXPECT_EQ(commands.messages.back().index, 1u);
+  EXPECT_TRUE(commands.last().has_load_cell_noise);
+  EXPECT_FALSE(commands.last().has_load_cell_resolution);
+  EXPECT_EQ(commands.last().load_cell_noise_n, 300.0);
+  EXPECT_NEAR(commands.last().time_s, -1.0 + 0.1, 1e-9);
+  EXPECT_EQ(commands.last().index, 1u);
 
   // A reset is back at the scenario, and who looks at the settings sees that.
   Listener<dynamic_reconfigure::Config> updates("rig_node/parameter_updates");
@@ -114,7 +114,7 @@ TEST_F(Reconfigure, NoiseOfTheReadingBeginsWithTheNextSampleAndIsRecorded) {
   ASSERT_TRUE(callTrigger("rig_node/reset").success);
   ASSERT_TRUE(waitFor([&] {
     if (updates.messages.empty()) return false;
-    for (const auto& parameter : updates.messages.back().doubles) {
+    for (const auto& parameter : updates.last().doubles) {
       if (parameter.name == "load_cell_noise_n") return parameter.value == 0.0;
     }
     return false;
@@ -127,15 +127,15 @@ TEST_F(Reconfigure, RatesAndFieldsOfThePointsChangeAtOnce) {
   ASSERT_TRUE(points.waitForConnection());
   EXPECT_NEAR(cloudPeriod(points, 0.8), 0.05, 1e-6);
   ASSERT_FALSE(points.messages.empty());
-  EXPECT_EQ(points.messages.back().point_step, 32u);
+  EXPECT_EQ(points.last().point_step, 32u);
   const Values after = set({{"points_rate_hz", 2.0}}, {{"points_pressure", false}, {"points_damage", false}});
   EXPECT_EQ(after.at("points_rate_hz"), 2.0);
   EXPECT_NEAR(cloudPeriod(points, 2.4), 0.5, 1e-6);
   std::string names;
-  for (const auto& field : points.messages.back().fields) names += field.name + " ";
+  for (const auto& field : points.last().fields) names += field.name + " ";
   EXPECT_EQ(names, "x y z speed plastic_strain submerged ");
-  EXPECT_EQ(points.messages.back().point_step, 24u);
-  EXPECT_EQ(points.messages.back().data.size(), 24u * points.messages.back().width);
+  EXPECT_EQ(points.last().point_step, 24u);
+  EXPECT_EQ(points.last().data.size(), 24u * points.last().width);
   set({{"points_rate_hz", 20.0}}, {{"points_pressure", true}, {"points_damage", true}});
 }
 
@@ -145,11 +145,11 @@ TEST_F(Reconfigure, RealTimeFactorChangesThePace) {
   set({{"real_time_factor", 0.1}, {"status_rate_hz", 20.0}});
   ASSERT_TRUE(callTrigger("rig_node/resume").success);
   spinFor(1.0);
-  EXPECT_NEAR(status.messages.back().real_time_factor, 0.1, 0.03);
-  EXPECT_EQ(status.messages.back().real_time_factor_target, 0.1);
+  EXPECT_NEAR(status.last().real_time_factor, 0.1, 0.03);
+  EXPECT_EQ(status.last().real_time_factor_target, 0.1);
   EXPECT_EQ(set({{"real_time_factor", 0.5}}).at("real_time_factor"), 0.5);
   spinFor(1.0);
-  EXPECT_NEAR(status.messages.back().real_time_factor, 0.5, 0.15);
+  EXPECT_NEAR(status.last().real_time_factor, 0.5, 0.15);
   ASSERT_TRUE(callTrigger("rig_node/pause").success);
   set({{"real_time_factor", 1.0}, {"status_rate_hz", 5.0}});
 }
@@ -176,18 +176,18 @@ TEST_F(Reconfigure, ScenarioIsLoadedAtItsStartAndTimeGoesOn) {
   Listener<TakenCommand> commands("sim/commands");
   ASSERT_TRUE(status.waitForConnection() && scenario.waitForConnection() && clock.waitForConnection());
   ASSERT_TRUE(waitFor([&] { return scenario.messages.size() == 1 && !status.messages.empty(); }));
-  EXPECT_NE(scenario.messages.back().data.find("lift_speed_mps: 0.05 "), std::string::npos);
+  EXPECT_NE(scenario.last().data.find("lift_speed_mps: 0.05 "), std::string::npos);
   step(0.5);
   // The present file without its settings, and one more.
   const auto answer = load("", "", "load_cell.rate_hz=50; load_cell.noise_n=7; procedure.settle_duration_s=0.5");
   ASSERT_TRUE(answer.success) << answer.message;
   EXPECT_EQ(answer.message, "loaded \"Small pull-up for tests of the node\", the script drives, paused");
   ASSERT_TRUE(waitFor([&] { return scenario.messages.size() == 2; }));
-  EXPECT_NE(scenario.messages.back().data.find("lift_speed_mps: 0.1 "), std::string::npos);
+  EXPECT_NE(scenario.last().data.find("lift_speed_mps: 0.1 "), std::string::npos);
   ASSERT_TRUE(status.waitForNew());
-  EXPECT_NEAR(status.messages.back().time_s, -0.5, 1e-9);
-  EXPECT_TRUE(status.messages.back().paused);
-  EXPECT_EQ(commands.messages.back().index, 0u);
+  EXPECT_NEAR(status.last().time_s, -0.5, 1e-9);
+  EXPECT_TRUE(status.last().paused);
+  EXPECT_EQ(commands.last().index, 0u);
   EXPECT_EQ(set({}).at("load_cell_noise_n"), 7.0) << "of the new scenario";
   step(0.2);
   spinFor(0.3);
@@ -197,7 +197,7 @@ TEST_F(Reconfigure, ScenarioIsLoadedAtItsStartAndTimeGoesOn) {
   // A reset is back at the scenario that was loaded last.
   ASSERT_TRUE(callTrigger("rig_node/reset").success);
   ASSERT_TRUE(status.waitForNew());
-  EXPECT_NEAR(status.messages.back().time_s, -0.5, 1e-9);
+  EXPECT_NEAR(status.last().time_s, -0.5, 1e-9);
   EXPECT_EQ(scenario.messages.size(), 2u) << "and tells it only once";
   ASSERT_TRUE(load("", "", "procedure.lift_speed_mps=0.05").success);
 }
@@ -214,8 +214,8 @@ TEST_F(Reconfigure, ScenarioIsRefusedWhileLiftingOrWrongAndTheTestGoesOn) {
   EXPECT_FALSE(answer.success);
   EXPECT_EQ(answer.message, "the rig is in stage lift; wait for the end of the lift, or call ~reset first");
   ASSERT_TRUE(status.waitForNew([](const SimStatus& s) { return s.time_s > 0.1; }));
-  EXPECT_NEAR(status.messages.back().time_s, 0.2, 1e-9);
-  EXPECT_EQ(status.messages.back().stage, "lift");
+  EXPECT_NEAR(status.last().time_s, 0.2, 1e-9);
+  EXPECT_EQ(status.last().stage, "lift");
 }
 
 }  // namespace

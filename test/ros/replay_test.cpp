@@ -114,7 +114,7 @@ TEST_F(ReplayLaunch, ReplayOfATestByHandReproducesItsForceBitForBit) {
     spinFor(1.0);
     ASSERT_TRUE(callTrigger("/rig/rig_node/resume").success);
     const auto drive = [&](const geometry_msgs::TwistStamped& command, double until_s) {
-      while (crane.messages.empty() || crane.messages.back().time_s < until_s) {
+      while (crane.messages.empty() || crane.last().time_s < until_s) {
         crane_command.publish(command);
         spinFor(0.05);
       }

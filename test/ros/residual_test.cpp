@@ -50,7 +50,7 @@ class Residual : public testing::Test {
     spinFor(0.5);
   }
 
-  const ForceResidual& last() const { return residual_.messages.back(); }
+  const ForceResidual& last() const { return residual_.last(); }
 
   ros::NodeHandle node_;
   ros::Publisher measured_publisher_, simulated_publisher_, crane_publisher_;

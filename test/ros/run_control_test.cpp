@@ -16,7 +16,7 @@ class RunControl : public testing::Test {
     ASSERT_TRUE(status_.waitForNew([](const SimStatus& status) { return status.paused; }));
   }
 
-  const SimStatus& status() { return status_.messages.back(); }
+  const SimStatus& status() { return status_.last(); }
 
   bool waitForStatus(const std::function<bool(const SimStatus&)>& condition) { return status_.waitForNew(condition); }
 
@@ -42,11 +42,11 @@ TEST_F(RunControl, StartPausedStandsStill) {
 
 TEST_F(RunControl, ClockIsAliveAndPositiveWhilePaused) {
   ASSERT_TRUE(clock_.waitForNew());
-  const ros::Time first = clock_.messages.back().clock;
+  const ros::Time first = clock_.last().clock;
   EXPECT_GT(first.toSec(), 0.0);
   ASSERT_TRUE(clock_.waitForNew());
-  EXPECT_GE(clock_.messages.back().clock, first);
-  EXPECT_LT((clock_.messages.back().clock - first).toSec(), 1e-3);
+  EXPECT_GE(clock_.last().clock, first);
+  EXPECT_LT((clock_.last().clock - first).toSec(), 1e-3);
 }
 
 TEST_F(RunControl, StepSingleWhilePaused) {

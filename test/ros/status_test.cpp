@@ -13,9 +13,9 @@ namespace {
 TEST(Status, OverloadIsReportedWithItsRemedyAndTheStepStays) {
   Listener<SimStatus> status("sim/status");
   ASSERT_TRUE(status.waitForNew());
-  const double step_s = status.messages.back().time_step_s;
+  const double step_s = status.last().time_step_s;
   ASSERT_TRUE(status.waitForNew([](const SimStatus& s) { return hasFlag(s, SimStatus::OVERLOAD); }));
-  const SimStatus& overloaded = status.messages.back();
+  const SimStatus& overloaded = status.last();
   const auto index = static_cast<std::size_t>(findFlag(overloaded, SimStatus::OVERLOAD));
   ASSERT_EQ(overloaded.flag_names.size(), overloaded.remedies.size());
   EXPECT_EQ(overloaded.flag_names.at(index), "overload");
@@ -30,7 +30,7 @@ TEST(Status, AchievedFactorAndStepRateAgreeWithTheStepsTaken) {
   Listener<SimStatus> status("sim/status");
   spinFor(3.0);
   ASSERT_GT(status.messages.size(), 10u);
-  const SimStatus &first = status.messages.front(), &last = status.messages.back();
+  const SimStatus &first = status.first(), &last = status.last();
   const double wall_s = status.arrivals_s.back() - status.arrivals_s.front();
   const double steps_per_s = static_cast<double>(last.step_count - first.step_count) / wall_s;
   EXPECT_NEAR(last.step_rate_hz / steps_per_s, 1.0, 0.3);
@@ -49,7 +49,7 @@ TEST(Status, CommandWhileTheScriptDrivesIsFlagged) {
 TEST(Status, ScenarioIsLatchedWithVersionAndSeed) {
   Listener<std_msgs::String> scenario("sim/scenario");
   ASSERT_TRUE(waitFor([&] { return !scenario.messages.empty(); }));
-  const std::string& text = scenario.messages.back().data;
+  const std::string& text = scenario.last().data;
   EXPECT_EQ(text.rfind("# brash_ice_rig ", 0), 0u) << text;
   EXPECT_NE(text.find("hold_duration_s: 600"), std::string::npos) << "settings are in the effective scenario";
   EXPECT_NE(text.find("seed:"), std::string::npos);
@@ -60,7 +60,7 @@ TEST(Diagnostics, NamesEveryPartOnceASecond) {
   const auto isReport = [](const diagnostic_msgs::DiagnosticArray& array) { return array.status.size() >= 4; };
   ASSERT_TRUE(diagnostics.waitForNew(isReport));
   std::vector<std::string> names;
-  for (const auto& part : diagnostics.messages.back().status) {
+  for (const auto& part : diagnostics.last().status) {
     names.push_back(part.name.substr(part.name.find(": ") + 2));
   }
   std::sort(names.begin(), names.end());

@@ -34,7 +34,7 @@ class Teleoperation : public testing::Test {
     if (!commands_.arrivals_s.empty()) last_command_s = commands_.arrivals_s.back();
   }
 
-  double speed() const { return crane_.messages.back().velocity_mps.z; }
+  double speed() const { return crane_.last().velocity_mps.z; }
   bool waitForSpeed(double speed_mps) {
     return crane_.waitForNew([&](const CraneState& s) { return std::abs(s.velocity_mps.z - speed_mps) < 1e-9; });
   }
@@ -109,14 +109,14 @@ TEST_F(JoyTeleoperation, ReleasedDeadManStopsItAlthoughTheStickIsDeflected) {
   ASSERT_TRUE(holdUntil(makeJoy(true, -1.0f), [&] { return std::abs(speed() + 0.2) < 1e-9; }));
   hold(makeJoy(false, -1.0f), 0.6);
   expectOneZeroThenSilence();
-  const double rest_m = crane_.messages.back().position_m.z;
+  const double rest_m = crane_.last().position_m.z;
   hold(makeJoy(false, 1.0f), 0.3);
-  EXPECT_EQ(crane_.messages.back().position_m.z, rest_m);
+  EXPECT_EQ(crane_.last().position_m.z, rest_m);
 }
 
 TEST_F(JoyTeleoperation, ButtonsUnfoldAndFold) {
-  EXPECT_TRUE(holdUntil(makeJoy(true, 0.0f, false, true), [&] { return crane_.messages.back().fold_target == 1.0; }));
-  EXPECT_TRUE(holdUntil(makeJoy(true, 0.0f, true), [&] { return crane_.messages.back().fold_target == 0.0; }));
+  EXPECT_TRUE(holdUntil(makeJoy(true, 0.0f, false, true), [&] { return crane_.last().fold_target == 1.0; }));
+  EXPECT_TRUE(holdUntil(makeJoy(true, 0.0f, true), [&] { return crane_.last().fold_target == 0.0; }));
 }
 
 // ----------------------------------------------------------------------------------------------------------- keyboard
@@ -219,7 +219,7 @@ class KeyTeleoperation : public Teleoperation {
 TEST_F(KeyTeleoperation, HeldKeyMovesTheHoistAndReleaseStopsIt) {
   ASSERT_TRUE(holdUntil("w", [&] { return std::abs(speed() - 0.1) < 1e-9; }));
   expectOneZeroThenSilence();
-  EXPECT_GT(crane_.messages.back().hoist_position_m, crane_.messages.front().hoist_position_m);
+  EXPECT_GT(crane_.last().hoist_position_m, crane_.first().hoist_position_m);
 }
 
 TEST_F(KeyTeleoperation, ShowsForceHeightAndSpeedLive) {
@@ -268,7 +268,7 @@ TEST_F(KeyTeleoperation, CrashGivesTheTerminalBackAndTheWatchdogStopsTheCrane) {
   EXPECT_EQ(waitForExit(), -1) << "killed by the signal";
   expectTerminalAsBefore();
   EXPECT_TRUE(waitForSpeed(0.0));
-  EXPECT_TRUE(waitFor([this] { return hasFlag(status_.messages.back(), SimStatus::COMMAND_TIMEOUT); }));
+  EXPECT_TRUE(waitFor([this] { return hasFlag(status_.last(), SimStatus::COMMAND_TIMEOUT); }));
 }
 
 TEST(TeleopKey, WithoutATerminalItSaysSo) {

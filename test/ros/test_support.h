@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <functional>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -63,10 +64,19 @@ class Listener {
     return true;
   }
 
+  /// @throws std::runtime_error before the first message, which gtest reports as a failure of the one test
+  const Message& first() const { return at(0); }
+  const Message& last() const { return at(messages.size() - 1); }
+
   std::vector<Message> messages;
   std::vector<double> arrivals_s;
 
  private:
+  const Message& at(std::size_t index) const {
+    if (messages.empty()) throw std::runtime_error("no message has come yet on " + subscriber_.getTopic());
+    return messages[index];
+  }
+
   ros::NodeHandle node_;
   ros::Subscriber subscriber_;
 };

@@ -30,14 +30,14 @@ class Transforms : public testing::Test {
 };
 
 TEST_F(Transforms, LateListenerGetsThemWhilePaused) {
-  const CraneState& state = crane_.messages.back();
+  const CraneState& state = crane_.last();
   EXPECT_TRUE(waitForTransform("crane_tip", [&](const geometry_msgs::Transform& t) {
     return std::abs(t.translation.z - state.position_m.z) < 1e-6;
   }));
 }
 
 TEST_F(Transforms, ChainFromMapToCollectorFollowsTheCraneState) {
-  const CraneState& state = crane_.messages.back();
+  const CraneState& state = crane_.last();
   EXPECT_NEAR(state.position_m.z - state.hoist_position_m, 5.0, 1e-9);
   for (const char* frame : {"load_cell", "pole"}) {
     EXPECT_TRUE(waitForTransform(frame, [&](const geometry_msgs::Transform& t) {
@@ -50,7 +50,7 @@ TEST_F(Transforms, ChainFromMapToCollectorFollowsTheCraneState) {
 }
 
 TEST_F(Transforms, ArmsPointOutwardsAndUpByTheArmAngle) {
-  const double angle_rad = crane_.messages.back().arm_angle_rad;
+  const double angle_rad = crane_.last().arm_angle_rad;
   EXPECT_NEAR(angle_rad, std::atan2(0.3, 0.7), 1e-9);
   for (int arm = 0; arm < 8; ++arm) {
     const std::string frame = "arm_" + std::to_string(arm + 1);
@@ -74,7 +74,7 @@ TEST_F(Transforms, FollowTheHoist) {
 TEST_F(Transforms, JointStatesNameEveryMovingJoint) {
   Listener<sensor_msgs::JointState> joints("joint_states");
   ASSERT_TRUE(joints.waitForNew());
-  const sensor_msgs::JointState& state = joints.messages.back();
+  const sensor_msgs::JointState& state = joints.last();
   EXPECT_EQ(state.name,
             (std::vector<std::string>{"boom_x", "boom_y", "hoist", "arm_1_joint", "arm_2_joint", "arm_3_joint",
                                       "arm_4_joint", "arm_5_joint", "arm_6_joint", "arm_7_joint", "arm_8_joint"}));

@@ -12,15 +12,15 @@ TEST(TwoRigs, EachHasItsOwnTopicsAndFrames) {
   Listener<geometry_msgs::WrenchStamped> east("east/load_cell/wrench"), west("west/load_cell/wrench");
   ASSERT_TRUE(east.waitForNew());
   ASSERT_TRUE(west.waitForNew());
-  EXPECT_EQ(east.messages.back().header.frame_id, "east/load_cell");
-  EXPECT_EQ(west.messages.back().header.frame_id, "west/load_cell");
+  EXPECT_EQ(east.last().header.frame_id, "east/load_cell");
+  EXPECT_EQ(west.last().header.frame_id, "west/load_cell");
 }
 
 TEST(TwoRigs, ACommandMovesOnlyItsRig) {
   Listener<CraneState> east("east/crane/state"), west("west/crane/state");
   ASSERT_TRUE(east.waitForNew());
   ASSERT_TRUE(west.waitForNew());
-  const double east_m = east.messages.back().position_m.z, west_m = west.messages.back().position_m.z;
+  const double east_m = east.last().position_m.z, west_m = west.last().position_m.z;
   ros::NodeHandle node;
   auto publisher = node.advertise<geometry_msgs::TwistStamped>("west/crane/cmd_vel", 1);
   geometry_msgs::TwistStamped command;
@@ -29,19 +29,19 @@ TEST(TwoRigs, ACommandMovesOnlyItsRig) {
   EXPECT_TRUE(waitFor([&] {
     publisher.publish(command);
     ros::WallDuration(0.05).sleep();
-    return west.messages.back().position_m.z < west_m - 0.1;
+    return west.last().position_m.z < west_m - 0.1;
   }));
   ASSERT_TRUE(east.waitForNew());
-  EXPECT_EQ(east.messages.back().position_m.z, east_m);
+  EXPECT_EQ(east.last().position_m.z, east_m);
 }
 
 TEST(TwoRigs, ResetOfOneLeavesTheOther) {
   Listener<SimStatus> east("east/sim/status");
   ASSERT_TRUE(east.waitForNew([](const SimStatus& s) { return s.time_s > 0.0; }));
-  const std::uint64_t steps = east.messages.back().step_count;
+  const std::uint64_t steps = east.last().step_count;
   ASSERT_TRUE(callTrigger("west/rig_node/reset").success);
   ASSERT_TRUE(east.waitForNew());
-  EXPECT_GE(east.messages.back().step_count, steps);
+  EXPECT_GE(east.last().step_count, steps);
 }
 
 TEST(TwoRigs, OneClock) {

@@ -83,7 +83,7 @@ class PanelTest : public testing::Test {
     button("reset")->click();
     ASSERT_TRUE(waitInGui([&] { return answer().startsWith("reset: back at the start"); })) << answer().toStdString();
     ASSERT_TRUE(waitInGui([&] {
-      return !crane_.messages.empty() && !status_.messages.empty() && status_.messages.back().stage == "manual" &&
+      return !crane_.messages.empty() && !status_.messages.empty() && status_.last().stage == "manual" &&
              text("head").contains("manual");
     }));
   }
@@ -97,7 +97,7 @@ class PanelTest : public testing::Test {
   QPushButton* button(const char* name) { return find<QPushButton>(name); }
   QString text(const char* name) { return find<QLabel>(name)->text(); }
   QString answer() { return text("answer"); }
-  double speed() { return crane_.messages.back().velocity_mps.z; }
+  double speed() { return crane_.last().velocity_mps.z; }
 
   /// Where a vertical slider stands for a share of its travel, -1 at the lower end.
   static QPoint pointOn(const QSlider* slider, double deflection) {
@@ -124,17 +124,17 @@ std::unique_ptr<pluginlib::ClassLoader<rviz::Panel>> PanelTest::loader_;
 
 TEST_F(PanelTest, HeldSliderMovesTheHoistAndReleaseStopsItWithOneZero) {
   auto* hoist = find<QSlider>("hoist");
-  const double start_m = crane_.messages.back().position_m.z;
+  const double start_m = crane_.last().position_m.z;
   QTest::mousePress(hoist, Qt::LeftButton, Qt::NoModifier, pointOn(hoist, 1.0));
   EXPECT_TRUE(waitInGui([&] { return std::abs(speed() - 0.2) < 1e-9; })) << speed();
-  EXPECT_GT(crane_.messages.back().position_m.z, start_m + 0.03);
+  EXPECT_GT(crane_.last().position_m.z, start_m + 0.03);
   drag(hoist, pointOn(hoist, -1.0));
   EXPECT_TRUE(waitInGui([&] { return std::abs(speed() + 0.2) < 1e-9; })) << speed();
   QTest::mouseRelease(hoist, Qt::LeftButton, Qt::NoModifier, pointOn(hoist, -1.0));
   EXPECT_EQ(hoist->value(), 0) << "it springs back";
   EXPECT_TRUE(waitInGui([&] { return speed() == 0.0; }));
 
-  ASSERT_TRUE(waitInGui([&] { return commands_.messages.back().twist.linear.z == 0.0; }));
+  ASSERT_TRUE(waitInGui([&] { return commands_.last().twist.linear.z == 0.0; }));
   const std::size_t sent = commands_.messages.size();
   EXPECT_NE(commands_.messages[sent - 2].twist.linear.z, 0.0) << "one zero";
   waitInGui([] { return false; }, 0.5);
@@ -147,7 +147,7 @@ TEST_F(PanelTest, SliderThatIsHiddenWhileHeldStopsTheCrane) {
   ASSERT_TRUE(waitInGui([&] { return speed() < -0.1; }));
   panel_->hide();
   EXPECT_TRUE(waitInGui([&] { return speed() == 0.0; }));
-  EXPECT_EQ(commands_.messages.back().twist.linear.z, 0.0);
+  EXPECT_EQ(commands_.last().twist.linear.z, 0.0);
 }
 
 TEST_F(PanelTest, WheelAndKeysDoNotDrive) {
@@ -163,11 +163,11 @@ TEST_F(PanelTest, WheelAndKeysDoNotDrive) {
 
 TEST_F(PanelTest, FoldButtonsTurnTheArms) {
   button("fold")->click();
-  EXPECT_TRUE(waitInGui([&] { return crane_.messages.back().fold_target == 0.0; }));
+  EXPECT_TRUE(waitInGui([&] { return crane_.last().fold_target == 0.0; }));
   EXPECT_TRUE(waitInGui([&] { return text("collector_state").contains("moving"); }))
       << text("collector_state").toStdString();
   button("unfold")->click();
-  EXPECT_TRUE(waitInGui([&] { return crane_.messages.back().fold_target == 1.0; }));
+  EXPECT_TRUE(waitInGui([&] { return crane_.last().fold_target == 1.0; }));
 }
 
 TEST_F(PanelTest, PauseStepAndResumeCallTheNode) {
@@ -175,13 +175,13 @@ TEST_F(PanelTest, PauseStepAndResumeCallTheNode) {
   button("pause")->click();
   ASSERT_TRUE(waitInGui([&] { return answer() == "pause: paused" && button("step")->isEnabled(); }));
   EXPECT_EQ(button("pause")->text(), "Resume");
-  const double before_s = status_.messages.back().time_s;
+  const double before_s = status_.last().time_s;
   button("step")->click();
   EXPECT_TRUE(waitInGui([&] { return answer().startsWith("step: "); }));
-  EXPECT_TRUE(waitInGui([&] { return std::abs(status_.messages.back().time_s - before_s - 0.5) < 1e-6; }));
+  EXPECT_TRUE(waitInGui([&] { return std::abs(status_.last().time_s - before_s - 0.5) < 1e-6; }));
   button("pause")->click();
   EXPECT_TRUE(waitInGui([&] { return answer() == "resume: resumed"; }));
-  EXPECT_TRUE(waitInGui([&] { return !status_.messages.back().paused; }));
+  EXPECT_TRUE(waitInGui([&] { return !status_.last().paused; }));
 }
 
 TEST_F(PanelTest, StageButtonRunsTheScriptToThatStageAndPauses) {
@@ -194,13 +194,13 @@ TEST_F(PanelTest, StageButtonRunsTheScriptToThatStageAndPauses) {
   config.mapSetValue("Namespace", "/script");
   panel_->load(config);
   ASSERT_TRUE(waitInGui([&] { return button("stage_lift")->isEnabled() && !status.messages.empty(); }, 30.0));
-  EXPECT_TRUE(status.messages.back().paused);
-  EXPECT_EQ(status.messages.back().stage, "settle");
+  EXPECT_TRUE(status.last().paused);
+  EXPECT_EQ(status.last().stage, "settle");
   EXPECT_FALSE(button("stage_settle")->isEnabled()) << "is there already";
   button("stage_unfold")->click();  // this scenario has no such stage: it stops at the next one
   EXPECT_TRUE(waitInGui([&] { return answer() == "pause: paused"; })) << answer().toStdString();
-  EXPECT_TRUE(waitInGui([&] { return status.messages.back().paused && status.messages.back().stage == "lift"; }));
-  EXPECT_LT(status.messages.back().time_s, 1.5) << "not at the end of the lift";
+  EXPECT_TRUE(waitInGui([&] { return status.last().paused && status.last().stage == "lift"; }));
+  EXPECT_LT(status.last().time_s, 1.5) << "not at the end of the lift";
 }
 
 TEST_F(PanelTest, TareMakesTheReadingZeroAndThePlotBeginsAnew) {
@@ -241,7 +241,7 @@ TEST_F(PanelTest, PropertiesAreSaved) {
 }
 
 TEST_F(PanelTest, SurvivesTheDeathAndRestartOfTheNode) {
-  ASSERT_TRUE(waitInGui([&] { return status_.messages.back().time_s > 1.5; }));
+  ASSERT_TRUE(waitInGui([&] { return status_.last().time_s > 1.5; }));
   node_->end(SIGKILL);
   EXPECT_TRUE(waitInGui([&] { return text("head").contains("No rig in /east"); }));
   EXPECT_FALSE(button("pause")->isEnabled());

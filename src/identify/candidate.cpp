@@ -152,10 +152,12 @@ std::vector<Variant> makeVariants(const EffectDescription& effect, PositionOrigi
       }
     }
     if (p.kind == EffectParameter::Kind::kSwitch) {
-      // With the switch, the middle of the shapes is enough.
-      auto switched = shapes[shapes.size() / 2];
-      switched.emplace_back(p.name, 1.0);
-      shapes.push_back(switched);
+      const std::size_t plain = shapes.size();
+      for (std::size_t k = 0; k < plain; ++k) {
+        auto switched = shapes[k];
+        switched.emplace_back(p.name, 1.0);
+        shapes.push_back(switched);
+      }
     }
     if (p.kind == EffectParameter::Kind::kWhole && std::string(p.name) == "seed") {
       std::vector<std::vector<std::pair<std::string, double>>> seeded;
@@ -169,10 +171,7 @@ std::vector<Variant> makeVariants(const EffectDescription& effect, PositionOrigi
   std::vector<Variant> variants;
   for (const auto& group : groups) {
     if (group.empty()) continue;
-    for (std::size_t k = 0; k < shapes.size(); ++k) {
-      variants.push_back(makePlain(effect, group, shapes[k]));
-      variants.back().central = shapes.size() < 3 || k == 1;
-    }
+    for (const auto& shape : shapes) variants.push_back(makePlain(effect, group, shape));
   }
   return variants;
 }

@@ -1,8 +1,12 @@
 #include "brash_ice_rig/identify/covariance.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
+#include <limits>
 #include <vector>
+
+#include <Eigen/SVD>
 
 #include "brash_ice_rig/config/broken_line.h"
 
@@ -22,49 +26,140 @@ Eigen::VectorXd computeKnownDiscrepancy(const Discrepancy& d, const Observation&
   return known;
 }
 
-Discrepancy learnDiscrepancy(const std::vector<std::vector<double>>& ways_m,
-                             const std::vector<std::vector<double>>& residual, const Discrepancy& before) {
-  constexpr double kGridM = 0.04;
+namespace {
+
+/// Cells of the way in which references are compared.
+constexpr double kGridM = 0.04;
+
+/// Corners of a path at which the speed changes by more than half. Before the first, the hoist stood.
+std::vector<std::size_t> turnsOf(const HoistPath& path) {
+  std::vector<std::size_t> turns;
+  double before = 0.0;
+  for (std::size_t k = 0; k + 1 < path.time_s.size(); ++k) {
+    const double after = (path.height_m[k + 1] - path.height_m[k]) / (path.time_s[k + 1] - path.time_s[k]);
+    if (std::abs(after - before) >= 0.5 * std::max(std::abs(after), std::abs(before))) {
+      turns.push_back(k);
+    }
+    before = after;
+  }
+  return turns;
+}
+
+/// The strongest directions of centred curves, one per column; a curve is a row.
+Eigen::MatrixXd findModes(const Eigen::MatrixXd& centred, Eigen::Index count) {
+  return Eigen::JacobiSVD<Eigen::MatrixXd>(centred, Eigen::ComputeThinV).matrixV().leftCols(count);
+}
+
+/// Length at which Matérn's correlation has this value at this distance, within what the cells can show, m.
+double findLength(double correlation, double distance_m) {
+  double low = kGridM, high = 0.5;
+  for (int k = 0; k < 40; ++k) {
+    const double middle = 0.5 * (low + high);
+    (computeMatern32(distance_m, middle) < correlation ? low : high) = middle;
+  }
+  return 0.5 * (low + high);
+}
+
+}  // namespace
+
+std::vector<double> findTurns(const HoistPath& path) {
+  std::vector<double> ways;
+  for (const std::size_t corner : turnsOf(path)) ways.push_back(path.height_m[corner]);
+  return ways;
+}
+
+Discrepancy learnDiscrepancy(const std::vector<ReferenceLift>& lifts, const Discrepancy& before) {
+  assert(!lifts.empty());
   Discrepancy learned = before;
   learned.way_m.clear();
   learned.mean_share.clear();
   learned.sigma_share.clear();
-  double highest = 0.0;
-  for (const auto& ways : ways_m) {
-    for (const double way : ways) highest = std::max(highest, way);
+  learned.modes_share.clear();
+  learned.turn_way_m.clear();
+
+  // Means of each lift in each cell that all of them cover, and what is left in a cell.
+  double covered = std::numeric_limits<double>::infinity();
+  for (const ReferenceLift& lift : lifts) {
+    covered = std::min(covered, *std::max_element(lift.way_m.begin(), lift.way_m.end()));
   }
-  const auto cells = static_cast<std::size_t>(highest / kGridM) + 1;
-  for (std::size_t cell = 0; cell < cells; ++cell) {
-    std::vector<double> means;  // one per lift
-    for (std::size_t lift = 0; lift < ways_m.size(); ++lift) {
-      double sum = 0.0, count = 0.0;
-      for (std::size_t i = 0; i < ways_m[lift].size(); ++i) {
-        if (static_cast<std::size_t>(std::max(ways_m[lift][i], 0.0) / kGridM) != cell) continue;
-        sum += residual[lift][i];
-        count += 1.0;
+  const auto count = static_cast<Eigen::Index>(lifts.size());
+  std::vector<Eigen::VectorXd> cells;
+  double rough = 0.0, rough_count = 0.0;
+  for (std::size_t cell = 0; static_cast<double>(cell) * kGridM <= covered; ++cell) {
+    Eigen::VectorXd means(count);
+    bool whole = true;
+    for (Eigen::Index i = 0; i < count; ++i) {
+      const ReferenceLift& lift = lifts[static_cast<std::size_t>(i)];
+      double sum = 0.0, squares = 0.0, n = 0.0;
+      for (std::size_t k = 0; k < lift.way_m.size(); ++k) {
+        if (static_cast<std::size_t>(std::max(lift.way_m[k], 0.0) / kGridM) != cell) continue;
+        sum += lift.residual_share[k];
+        squares += lift.residual_share[k] * lift.residual_share[k];
+        n += 1.0;
       }
-      if (count > 0.0) means.push_back(sum / count);
+      whole = whole && n > 0.0;
+      if (n == 0.0) continue;
+      means[i] = sum / n;
+      rough += std::max(squares - sum * sum / n, 0.0);
+      rough_count += n - 1.0;
     }
-    if (means.empty()) continue;
-    const double n = static_cast<double>(means.size());
-    double mean = 0.0, variance = 0.0;
-    for (const double value : means) mean += value / n;
-    for (const double value : means) variance += (value - mean) * (value - mean);
-    // The mean of n is itself uncertain; one lift alone says nothing about the scatter.
-    variance = means.size() > 1 ? variance / (n - 1.0) * (1.0 + 1.0 / n) : before.share * before.share;
+    if (!whole) continue;
+    cells.push_back(means);
     learned.way_m.push_back((static_cast<double>(cell) + 0.5) * kGridM);
-    learned.mean_share.push_back(mean);
-    learned.sigma_share.push_back(std::sqrt(variance));
+  }
+  const auto places = static_cast<Eigen::Index>(cells.size());
+  Eigen::MatrixXd curves(count, places);
+  for (Eigen::Index p = 0; p < places; ++p) curves.col(p) = cells[static_cast<std::size_t>(p)];
+  const Eigen::RowVectorXd mean = curves.colwise().mean();
+  learned.mean_share.assign(mean.begin(), mean.end());
+  if (count == 1) {
+    learned.sigma_share.assign(cells.size(), before.share);
+    return learned;
+  }
+
+  // Modes, with the uncertainty of the mean of n lifts.
+  const double n = static_cast<double>(count);
+  const Eigen::Index modes = std::min<Eigen::Index>(count / 3, 8);
+  const Eigen::MatrixXd centred = curves.rowwise() - mean;
+  const Eigen::MatrixXd directions = findModes(centred, modes);
+  for (Eigen::Index k = 0; k < modes; ++k) {
+    const double sigma = (centred * directions.col(k)).norm() / std::sqrt(n - 1.0) * std::sqrt(1.0 + 1.0 / n);
+    const Eigen::VectorXd mode = directions.col(k) * sigma;
+    learned.modes_share.emplace_back(mode.begin(), mode.end());
+  }
+
+  // What the others say of each lift is tested on it.
+  Eigen::MatrixXd left(count, places);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    Eigen::MatrixXd others(count - 1, places);
+    others << curves.topRows(i), curves.bottomRows(count - 1 - i);
+    const Eigen::RowVectorXd their_mean = others.colwise().mean();
+    const Eigen::MatrixXd their_modes = findModes(others.rowwise() - their_mean, modes);
+    const Eigen::VectorXd off = (curves.row(i) - their_mean).transpose();
+    left.row(i) = off - their_modes * (their_modes.transpose() * off);
   }
   // Few lifts: the scatter over the neighbouring 0.2 m counts as well.
-  const std::vector<double> sigma = learned.sigma_share;
-  for (std::size_t i = 0; i < sigma.size(); ++i) {
-    double sum = 0.0, count = 0.0;
-    for (std::size_t j = i < 2 ? 0 : i - 2; j < std::min(i + 3, sigma.size()); ++j) {
-      sum += sigma[j] * sigma[j];
-      count += 1.0;
-    }
-    learned.sigma_share[i] = std::sqrt(sum / count);
+  const Eigen::RowVectorXd variance = left.colwise().squaredNorm() / n;
+  for (Eigen::Index p = 0; p < places; ++p) {
+    const Eigen::Index from = std::max<Eigen::Index>(p - 2, 0), to = std::min(p + 2, places - 1);
+    learned.sigma_share.push_back(std::sqrt(variance.segment(from, to - from + 1).mean()));
+  }
+  constexpr Eigen::Index kLag = 2;
+  if (places > kLag) {
+    const Eigen::Index pairs = places - kLag;
+    const double product = left.leftCols(pairs).cwiseProduct(left.rightCols(pairs)).sum();
+    const double norms = left.leftCols(pairs).norm() * left.rightCols(pairs).norm();
+    if (norms > 0.0) learned.length_m = findLength(product / norms, static_cast<double>(kLag) * kGridM);
+  }
+  if (rough_count > 0.0) learned.rough_share = std::sqrt(rough / rough_count);
+
+  // A turn counts as known where all references have it.
+  for (const double way : lifts.front().turn_way_m) {
+    const bool common = std::all_of(lifts.begin(), lifts.end(), [&](const ReferenceLift& lift) {
+      return std::any_of(lift.turn_way_m.begin(), lift.turn_way_m.end(),
+                         [&](double other) { return std::abs(other - way) < kGridM; });
+    });
+    if (common) learned.turn_way_m.push_back(way);
   }
   return learned;
 }
@@ -114,9 +209,10 @@ Eigen::MatrixXd computeDiscrepancyCovariance(const Discrepancy& d, const Observa
   for (Eigen::Index i = 0; i < n; ++i) {
     const bool moving = o.time_s[i] > 0.0;
     place[i] = placeOf(d, o, i);
-    const double own = d.way_m.empty() ? d.share * std::abs(ice_force_n[i])
+    // References differ in the arrangement of their blocks, too.
+    const double own = d.way_m.empty() ? std::hypot(d.share * ice_force_n[i], chaos_n[i])
                                        : peak * valueOfBrokenLine(d.way_m, d.sigma_share, o.way_m[i]);
-    smooth[i] = moving ? std::sqrt(own * own + chaos_n[i] * chaos_n[i]) + d.share_of_peak * peak : 0.0;
+    smooth[i] = moving ? own + d.share_of_peak * peak : 0.0;
     rough[i] = moving ? d.rough_share * std::abs(ice_force_n[i]) : 0.0;
     rest[i] = std::hypot(d.rest_share * peak, chaos_n[0]) * std::exp(-place[i] / d.rest_length_m);
   }
@@ -128,13 +224,19 @@ Eigen::MatrixXd computeDiscrepancyCovariance(const Discrepancy& d, const Observa
                          rough[i] * rough[j] * computeMatern32(apart, d.rough_length_m) + rest[i] * rest[j];
     }
   }
+  for (const std::vector<double>& mode : d.modes_share) {
+    Eigen::VectorXd curve = Eigen::VectorXd::Zero(n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      if (o.time_s[i] > 0.0) curve[i] = peak * valueOfBrokenLine(d.way_m, mode, o.way_m[i]);
+    }
+    covariance.triangularView<Eigen::Lower>() += curve * curve.transpose();
+  }
   // Each start, stop and turn has a term of its own, that fades with the distance or the time since.
-  for (std::size_t k = 0; k + 1 < o.path.time_s.size(); ++k) {
-    const auto speed = [&](std::size_t piece) {
-      return (o.path.height_m[piece + 1] - o.path.height_m[piece]) / (o.path.time_s[piece + 1] - o.path.time_s[piece]);
-    };
-    const double before = k == 0 ? 0.0 : speed(k - 1), after = speed(k);
-    if (std::abs(after - before) < 0.5 * std::max(std::abs(after), std::abs(before))) continue;
+  for (const std::size_t k : turnsOf(o.path)) {
+    const bool known = std::any_of(d.turn_way_m.begin(), d.turn_way_m.end(),
+                                   [&](double way) { return std::abs(way - o.path.height_m[k]) < kGridM; });
+    const double share = known ? d.known_turn_share : d.turn_share;
+    const double length_m = known ? d.known_turn_length_m : d.turn_length_m;
     double start = 0.0;
     for (std::size_t piece = 0; piece < k; ++piece) {
       start += std::abs(o.path.height_m[piece + 1] - o.path.height_m[piece]);
@@ -144,11 +246,11 @@ Eigen::MatrixXd computeDiscrepancyCovariance(const Discrepancy& d, const Observa
       const double since = place[i] - start;
       // The mean of a bin may begin before the corner that it holds.
       const bool after_corner = o.time_s[i] + 0.5 * kBinS > o.path.time_s[k];
-      turn[i] = after_corner ? d.turn_share * peak * std::exp(-std::max(since, 0.0) / d.turn_length_m) : 0.0;
+      turn[i] = after_corner ? share * peak * std::exp(-std::max(since, 0.0) / length_m) : 0.0;
     }
     for (Eigen::Index i = 0; i < n; ++i) {
       for (Eigen::Index j = 0; j <= i; ++j) {
-        covariance(i, j) += turn[i] * turn[j] * computeMatern32(std::abs(place[i] - place[j]), d.turn_length_m);
+        covariance(i, j) += turn[i] * turn[j] * computeMatern32(std::abs(place[i] - place[j]), length_m);
       }
     }
   }

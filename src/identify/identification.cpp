@@ -15,6 +15,7 @@
 #include <Eigen/Cholesky>
 
 #include "brash_ice_rig/identify/overlay.h"
+#include "brash_ice_rig/material/cap_model.h"
 
 namespace brash_ice_rig {
 namespace {
@@ -33,7 +34,7 @@ constexpr std::size_t kConfirmed = 4;
 constexpr int kPasses = 2;
 constexpr int kLags = 20;
 /// Where references say how far the simulator is off, nothing is known better than this share of the largest force.
-constexpr double kReferenceFloor = 0.01;
+constexpr double kReferenceFloor = 0.005;
 constexpr double kMeanWindowS = 1.0, kResidualWindowS = 4.5;
 
 // What is believed of the ice where the manifest does not say, as standard deviations.
@@ -45,20 +46,26 @@ constexpr double kGapM = 0.03, kGapSigmaM = 0.04;
 // Unknowns of the baseline: those of the ice, which records share, then two for each record.
 constexpr Eigen::Index kIceUnknowns = 3, kOwnUnknowns = 2;
 
+/// What is fitted of the ice. Cohesion stands for its strength.
 struct IceUnknown {
   const char *key, *unit;
-  double IceConfig::*member;
+  void (*set)(IceConfig& ice, double value);
   double prior, sigma, low, high;
 };
 
 std::vector<IceUnknown> iceUnknowns(const Record& record) {
   const IceConfig& ice = record.scenario.ice;
   std::vector<IceUnknown> unknowns = {
-      {"ice.void_fraction", "1", &IceConfig::void_fraction, ice.void_fraction, kVoidSigma, 0.05, 0.95},
-      {"ice.cohesion_pa", "Pa", &IceConfig::cohesion_pa, ice.cohesion_pa, kCohesionShare * ice.cohesion_pa,
-       0.25 * ice.cohesion_pa, 4.0 * ice.cohesion_pa},
-      {"ice.friction_angle_deg", "deg", &IceConfig::friction_angle_deg, ice.friction_angle_deg, kFrictionSigmaDeg, 5.0,
-       70.0}};
+      {"ice.void_fraction", "1", [](IceConfig& i, double value) { i.void_fraction = value; }, ice.void_fraction,
+       kVoidSigma, 0.05, 0.95},
+      {"ice.cohesion_pa", "Pa",
+       [](IceConfig& i, double value) {
+         scaleStrength(i, value / i.cohesion_pa);
+         i.cohesion_pa = value;
+       },
+       ice.cohesion_pa, kCohesionShare * ice.cohesion_pa, 0.25 * ice.cohesion_pa, 4.0 * ice.cohesion_pa},
+      {"ice.friction_angle_deg", "deg", [](IceConfig& i, double value) { i.friction_angle_deg = value; },
+       ice.friction_angle_deg, kFrictionSigmaDeg, 5.0, 70.0}};
   for (IceUnknown& u : unknowns) {
     for (const KnownValue& known : record.ice) {
       if (known.key == u.key && known.sigma) u.sigma = *known.sigma;
@@ -77,11 +84,6 @@ Eigen::VectorXd stacked(const std::vector<Eigen::VectorXd>& parts) {
     size += part.size();
   }
   return all;
-}
-
-/// Arrangements on which the signature is taken: shapes off the middle of what is believed get one.
-int pairsOf(const Variant& v) {
-  return v.central ? kPairs : 1;
 }
 
 /// A record with its simulations.
@@ -128,9 +130,9 @@ class Chain {
 
   Identification run();
 
-  /// What is left of a lift without an effect after its baseline was refitted, over the largest force of the baseline
-  /// as given, with the way of each bin.
-  void residual(std::vector<double>& ways_m, std::vector<double>& shares);
+  /// What is left of a lift without an effect after its baseline was refitted, and simulated there if asked. Nothing of
+  /// one without ice.
+  std::optional<ReferenceLift> reference(bool simulate);
 
  private:
   Site makeSite(const NamedRecord& named) const;
@@ -218,7 +220,7 @@ Scenario Chain::scenarioAt(const Site& site, const Eigen::VectorXd& x, std::size
   Scenario s = site.scenario;
   s.field.seed = static_cast<std::uint64_t>(seed);
   for (std::size_t k = 0; k < ice_.size(); ++k) {
-    s.ice.*ice_[k].member = std::clamp(ice_[k].prior + x[static_cast<Eigen::Index>(k)], ice_[k].low, ice_[k].high);
+    ice_[k].set(s.ice, std::clamp(ice_[k].prior + x[static_cast<Eigen::Index>(k)], ice_[k].low, ice_[k].high));
   }
   const Eigen::Index own = kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(index);
   s.procedure.start_gap_m = std::max(s.procedure.start_gap_m + x[own], 0.0);
@@ -367,7 +369,7 @@ std::vector<std::string> Chain::requestSignature(const Site& site, const Variant
   if (v.effect->reading_only || !site.observation().ice_contact) return {};
   std::vector<std::string> keys;
   for (std::size_t k = 0; k < v.amplitudes.size(); ++k) {
-    for (int seed = 1; seed <= pairsOf(v); ++seed) {
+    for (int seed = 1; seed <= kPairs; ++seed) {
       Scenario s = site.scenario;
       s.field.seed = static_cast<std::uint64_t>(seed);
       Eigen::VectorXd a = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(v.amplitudes.size()));
@@ -395,18 +397,17 @@ Eigen::MatrixXd Chain::signature(const Site& site, const Variant& v) {
   const std::vector<std::string> keys = requestSignature(site, v);
   for (Eigen::Index k = 0; k < count; ++k) {
     const double step = v.amplitudes[static_cast<std::size_t>(k)].step;
-    const int pairs = pairsOf(v);
-    for (int seed = 1; seed <= pairs; ++seed) {
+    for (int seed = 1; seed <= kPairs; ++seed) {
       const Eigen::VectorXd before = site.bins(plain(seed));
       if (v.effect->reading_only) {
         Eigen::VectorXd a = Eigen::VectorXd::Zero(count);
         a[k] = step;
         EffectValues values(*v.effect);
         v.apply(values, a);
-        columns.col(k) += (site.bins(throughLoadCell(values, site.scenario, plain(seed))) - before) / (step * pairs);
+        columns.col(k) += (site.bins(throughLoadCell(values, site.scenario, plain(seed))) - before) / (step * kPairs);
       } else if (!keys.empty()) {
-        const std::string& key = keys[static_cast<std::size_t>(k * pairs + seed - 1)];
-        if (!runs_.failed(key)) columns.col(k) += (site.bins(runs_.force(key)) - before) / (step * pairs);
+        const std::string& key = keys[static_cast<std::size_t>(k * kPairs + seed - 1)];
+        if (!runs_.failed(key)) columns.col(k) += (site.bins(runs_.force(key)) - before) / (step * kPairs);
       }
     }
   }
@@ -1001,20 +1002,25 @@ void Chain::decide(Identification& result, const Model& baseline) {
   }
 }
 
-void Chain::residual(std::vector<double>& ways_m, std::vector<double>& shares) {
+std::optional<ReferenceLift> Chain::reference(bool simulate) {
   baseline_only_ = true;
   sites_.push_back(makeSite(input_.records.front()));
   ice_ = iceUnknowns(sites_.front().curves.record);
   simulateBaseline();
   const Site& site = sites_.front();
-  if (!site.observation().ice_contact) return;
-  const Eigen::VectorXd left = data_ - linear({}).fit.mean + site.known_n;
+  if (!site.observation().ice_contact) return {};
+  Model baseline = linear({});
+  if (simulate) confirm({&baseline}, "reference " + site.curves.path, 1);
+  ReferenceLift lift;
+  const Eigen::VectorXd left = data_ - baseline.fit.mean + site.known_n;
   const double peak = site.mean_n.maxCoeff();
   for (Eigen::Index i = 0; i < site.rows(); ++i) {
     if (site.observation().time_s[i] <= 0.0) continue;
-    ways_m.push_back(site.observation().way_m[i]);
-    shares.push_back(left[i] / peak);
+    lift.way_m.push_back(site.observation().way_m[i]);
+    lift.residual_share.push_back(left[i] / peak);
   }
+  lift.turn_way_m = findTurns(site.observation().path);
+  return lift;
 }
 
 Identification Chain::run() {
@@ -1219,19 +1225,22 @@ Identification identify(const IdentifyInput& input, RunLibrary& runs, const Thre
   result.discrepancy = discrepancy;
   if (!input.references.empty()) {
     // What is left depends on how much the fit allows for. It starts with little, so that the ice has to explain what
-    // it can, and settles within a few passes.
-    constexpr int kLearningPasses = 4;
+    // it can, and settles within a few passes; in the last, the refitted ice is simulated, as it will be for the
+    // record.
+    constexpr int kLearningPasses = 3;
     constexpr double kLittle = 0.03;
     result.discrepancy.share = kLittle;
     result.discrepancy.share_of_peak = 0.0;
     for (int pass = 0; pass < kLearningPasses; ++pass) {
-      std::vector<std::vector<double>> ways(input.references.size()), shares(input.references.size());
-      for (std::size_t i = 0; i < input.references.size(); ++i) {
+      std::vector<ReferenceLift> lifts;
+      for (const NamedRecord& record : input.references) {
         IdentifyInput reference;
-        reference.records.push_back(input.references[i]);
-        Chain(reference, runs, thresholds, result.discrepancy).residual(ways[i], shares[i]);
+        reference.records.push_back(record);
+        const bool last = pass + 1 == kLearningPasses;
+        if (auto lift = Chain(reference, runs, thresholds, result.discrepancy).reference(last)) lifts.push_back(*lift);
       }
-      result.discrepancy = learnDiscrepancy(ways, shares, result.discrepancy);
+      if (lifts.empty()) throw ConfigError("", "", "no reference shows ice", input.references.front().path);
+      result.discrepancy = learnDiscrepancy(lifts, result.discrepancy);
     }
     result.discrepancy.share = discrepancy.share;
     result.discrepancy.share_of_peak = kReferenceFloor;

@@ -78,6 +78,19 @@ void raise(float& damage, double value) {
 
 }  // namespace
 
+void scaleStrength(IceConfig& ice, double ratio) {
+  assert(ratio > 0.0);
+  constexpr double kLargestCompaction = 0.9;  // that a scenario allows
+  ice.cohesion_pa *= ratio;
+  if (ice.shear_constant_pa) *ice.shear_constant_pa *= ratio;
+  ice.cap_initial_intercept_pa *= ratio;
+  ice.cap_max_compaction = std::min(ice.cap_max_compaction * ratio, kLargestCompaction);
+  ice.cap_hardening_linear_per_pa /= ratio;
+  ice.cap_hardening_quadratic_per_pa2 /= ratio * ratio;
+  ice.parent_fracture_energy_compression_jpm2 *= ratio * ratio;
+  ice.parent_fracture_toughness_pa_sqrt_m *= ratio;
+}
+
 CapParameters makeCapParameters(const IceConfig& ice, double stiffness_scale, double element_length_m) {
   assert(stiffness_scale > 0.0 && element_length_m > 0.0);
   const double elastic_modulus = computeBrashElasticModulus(ice.parent_elastic_modulus_pa, ice.void_fraction);

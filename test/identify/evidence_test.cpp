@@ -113,24 +113,67 @@ TEST(Covariance, NoiseHasItsVarianceOnTheDiagonalAndForgets) {
 }
 
 TEST(Covariance, ReferencesTeachTheirMeanAndScatter) {
-  // Two lifts that are off by 2 and 4 % low, by 0 and 0 high: mean 3 %, deviation sqrt(2) %, of a mean of two.
+  // Two lifts that are off by 2 and 4 %: mean 3 %, and each is 2 % from what the other says. At the end both are right.
   const std::vector<double> ways = {0.05, 0.06, 1.85, 1.86};
   const Discrepancy learned =
-      learnDiscrepancy({ways, ways}, {{0.02, 0.02, 0.0, 0.0}, {0.04, 0.04, 0.0, 0.0}}, Discrepancy());
+      learnDiscrepancy({{ways, {0.02, 0.02, 0.0, 0.0}, {}}, {ways, {0.04, 0.04, 0.0, 0.0}, {}}}, Discrepancy());
   ASSERT_EQ(learned.way_m.size(), 2u);
   EXPECT_NEAR(learned.way_m[0], 0.06, 1e-12);
   EXPECT_NEAR(learned.mean_share[0], 0.03, 1e-12);
   EXPECT_NEAR(learned.mean_share[1], 0.0, 1e-12);
-  // Averaged over the neighbouring cells, of which there is one: sqrt((0.0002 * 1.5 + 0) / 2).
-  EXPECT_NEAR(learned.sigma_share[0], std::sqrt(0.00015), 1e-12);
+  // Averaged over the neighbouring cells, of which there is one.
+  EXPECT_NEAR(learned.sigma_share[0], std::sqrt(0.0004 / 2.0), 1e-12);
+  EXPECT_TRUE(learned.modes_share.empty());
+  EXPECT_NEAR(learned.rough_share, 0.0, 1e-9);
 }
 
 TEST(Covariance, OneReferenceSaysNothingOfTheScatter) {
   Discrepancy before;
   before.share = 0.07;
-  const Discrepancy learned = learnDiscrepancy({{0.5}}, {{0.1}}, before);
+  const Discrepancy learned = learnDiscrepancy({{{0.5}, {0.1}, {}}}, before);
   EXPECT_EQ(learned.mean_share, std::vector<double>{0.1});
   EXPECT_NEAR(learned.sigma_share[0], 0.07, 1e-15);
+}
+
+/// A lift whose residual is a multiple of one curve, and in every place a little more or less than that by turns.
+ReferenceLift makeReference(double multiple, double ripple) {
+  ReferenceLift lift;
+  for (int i = 0; i < 200; ++i) {
+    const double way = 0.01 * i + 0.005;
+    lift.way_m.push_back(way);
+    lift.residual_share.push_back(multiple * std::sin(way) + (i % 2 == 0 ? ripple : -ripple));
+  }
+  lift.turn_way_m = {0.0, 2.0};
+  return lift;
+}
+
+TEST(Covariance, WhatReferencesHaveInCommonBecomesAModeAndTheRestIsSmall) {
+  // Multiples of 1, 2, 3, 4 %: standard deviation sqrt(5/3) %, a fifth of the variance more for the mean of four.
+  std::vector<ReferenceLift> lifts;
+  for (const double multiple : {0.01, 0.02, 0.03, 0.04}) lifts.push_back(makeReference(multiple, 0.003));
+  const Discrepancy learned = learnDiscrepancy(lifts, Discrepancy());
+  ASSERT_EQ(learned.modes_share.size(), 1u);
+  const std::size_t last = learned.way_m.size() - 1;
+  // Mean of the sine over the four bins of the last cell.
+  const double sine = std::sin(learned.way_m[last]) * 0.5 * (std::cos(0.005) + std::cos(0.015));
+  const double expected = 0.01 * std::sqrt(5.0 / 3.0) * std::sqrt(1.25) * sine;
+  EXPECT_NEAR(std::abs(learned.modes_share[0][last]), expected, 1e-9);
+  EXPECT_NEAR(learned.mean_share[last], 0.025 * sine, 1e-12);
+  EXPECT_LT(learned.sigma_share[last], 1e-6) << "the others predict a lift but for its multiple";
+  // The ripple of 0.3 % in cells of four: 4 * 0.003^2 over 3 degrees of freedom.
+  EXPECT_NEAR(learned.rough_share, 0.003 * std::sqrt(4.0 / 3.0), 2e-4);
+}
+
+TEST(Covariance, TurnsCountAsKnownWhereAllReferencesHaveThem) {
+  std::vector<ReferenceLift> lifts = {makeReference(0.01, 0.0), makeReference(0.02, 0.0)};
+  lifts[0].turn_way_m = {0.0, 0.7, 2.0};
+  EXPECT_EQ(learnDiscrepancy(lifts, Discrepancy()).turn_way_m, (std::vector<double>{0.0, 2.0}));
+}
+
+TEST(Covariance, TurnsAreWhereTheSpeedChangesByMoreThanHalf) {
+  // Starts, goes on a little slower, stops, goes on, turns.
+  const HoistPath path{{0.0, 10.0, 20.0, 25.0, 30.0, 40.0}, {0.0, 0.5, 0.9, 0.9, 1.1, 0.8}};
+  EXPECT_EQ(findTurns(path), (std::vector<double>{0.0, 0.9, 0.9, 1.1}));
 }
 
 TEST(Covariance, WhatAnEffectsLawMayBeOffGrowsWithTheEffect) {

@@ -34,6 +34,33 @@ CapModel makeScaledSet1(bool damage, double m) {
   return CapModel(p);
 }
 
+TEST(ScaleStrength, OfAScenariosIceIsThatOfAParticle) {
+  for (const double m : {0.4, 1.5}) {
+    IceConfig ice;
+    ice.damage = ice.gap_memory = true;
+    scaleStrength(ice, m);
+    const CapParameters scaled = makeCapParameters(ice, 1.0e-3, 0.3), expected = makeScaledSet1(true, m).parameters();
+    EXPECT_NEAR(scaled.alpha_pa, expected.alpha_pa, 1e-9 * expected.alpha_pa);
+    EXPECT_EQ(scaled.theta, expected.theta);
+    EXPECT_NEAR(scaled.initial_intercept_pa, expected.initial_intercept_pa, 1e-9 * expected.initial_intercept_pa);
+    EXPECT_NEAR(scaled.max_compaction, expected.max_compaction, 1e-12);
+    EXPECT_NEAR(scaled.d1_per_pa, expected.d1_per_pa, 1e-9 * expected.d1_per_pa);
+    EXPECT_NEAR(scaled.d2_per_pa2, expected.d2_per_pa2, 1e-9 * expected.d2_per_pa2);
+    const DamageParameters &a = scaled.damage, &b = expected.damage;
+    EXPECT_NEAR(a.fracture_energy_compression_jpm2, b.fracture_energy_compression_jpm2, 1e-9);
+    EXPECT_NEAR(a.fracture_energy_tension_jpm2, b.fracture_energy_tension_jpm2, 1e-9);
+    EXPECT_NEAR(a.fracture_energy_shear_jpm2, b.fracture_energy_shear_jpm2, 1e-9);
+    EXPECT_EQ(scaled.bulk_modulus_pa, expected.bulk_modulus_pa);
+  }
+}
+
+TEST(ScaleStrength, KeepsALegalCompaction) {
+  IceConfig ice;
+  ice.cap_max_compaction = 0.5;
+  scaleStrength(ice, 3.0);
+  EXPECT_EQ(ice.cap_max_compaction, 0.9);
+}
+
 /// Stress at the end of a confined shear from 200 Pa of pressure.
 double confinedShearStrength(const Material& material, double surplus) {
   Element element(material);

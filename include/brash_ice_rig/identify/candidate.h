@@ -31,7 +31,6 @@ struct ParameterEstimate {
 struct Variant {
   const EffectDescription* effect = nullptr;
   std::string label;    ///< tells the variants of an effect apart
-  bool central = true;  ///< shapes as the priors' middle or the record itself has them
   std::vector<Amplitude> amplitudes;
   /// Values of the effect's parameters for given amplitudes, the effect switched on.
   std::function<void(EffectValues&, const Eigen::VectorXd&)> apply;

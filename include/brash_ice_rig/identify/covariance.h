@@ -11,17 +11,22 @@ namespace brash_ice_rig {
 /// How far the simulator may be from nature where nothing is missing. Amplitudes are shares of the force that the ice
 /// exerts there, or of the largest one; lengths are distances that the hoist covers.
 struct Discrepancy {
-  /// What reference lifts showed, over the way of the hoist, in shares of the largest force: mean and standard
-  /// deviation. Empty without references; else it takes the place of `share`. As many each, the way increasing.
+  /// What reference lifts showed, over the way of the hoist, in shares of the largest force; empty without references.
+  /// Their mean; the curves along which they differ among each other, each as large as its standard deviation; and what
+  /// a further lift is off beside both. As many places each, the way increasing. They take the place of `share`.
   std::vector<double> way_m, mean_share, sigma_share;
+  std::vector<std::vector<double>> modes_share;
+  std::vector<double> turn_way_m;  ///< where references start, stop or turn, so that they show what that does
 
   double share = 0.10;          ///< of the ice's force at the same place
   double share_of_peak = 0.02;  ///< of the largest force, everywhere during the motion
   double length_m = 0.3;        ///< over which it changes
   double rough_share = 0.04;    ///< of the ice's force: blocks that rearrange
   double rough_length_m = 0.03;
-  double turn_share = 0.12;     ///< of the largest force, where the hoist starts, stops or turns
-  double turn_length_m = 0.15;  ///< over which that fades
+  double turn_share = 0.12;        ///< of the largest force, where the hoist starts, stops or turns
+  double turn_length_m = 0.15;     ///< over which that fades
+  double known_turn_share = 0.08;  ///< of the largest force, at a turn that references have, too
+  double known_turn_length_m = 0.08;
   double rest_share = 0.01;     ///< of the largest force: how the rig touches the ice before the first motion
   double rest_length_m = 0.05;  ///< over which that is forgotten
   double form_share = 0.3;      ///< of what an effect does: laws differ
@@ -42,12 +47,22 @@ Eigen::MatrixXd computeNoiseCovariance(const ForceNoise& noise, const Eigen::Vec
 /// @param peak_n  largest force of the baseline as given
 Eigen::VectorXd computeKnownDiscrepancy(const Discrepancy& discrepancy, const Observation& observation, double peak_n);
 
-/// What lifts without an effect teach. One residual per lift, over its own ways.
-/// @param ways_m      of each bin in motion
-/// @param residual    record less refitted baseline, over the largest force; as many
-/// @param before      whose other terms are kept
-Discrepancy learnDiscrepancy(const std::vector<std::vector<double>>& ways_m,
-                             const std::vector<std::vector<double>>& residual, const Discrepancy& before);
+/// A lift that lacks nothing, as far as the discrepancy can be learned from it.
+struct ReferenceLift {
+  std::vector<double> way_m;           ///< of each bin in motion
+  std::vector<double> residual_share;  ///< record less refitted baseline, over the largest force; as many
+  std::vector<double> turn_way_m;      ///< where the hoist starts, stops or turns
+};
+
+/// What lifts without an effect teach: mean, up to eight modes of their scatter (principal components, one for every
+/// three lifts), and, lift by lift left out, what the others do not predict of it: its size over the way, the length
+/// over which it changes, and its rough part. One lift teaches its mean only.
+/// @param lifts   at least one
+/// @param before  whose other terms are kept
+Discrepancy learnDiscrepancy(const std::vector<ReferenceLift>& lifts, const Discrepancy& before);
+
+/// Ways at which the hoist starts, stops or turns, m.
+std::vector<double> findTurns(const HoistPath& path);
 
 /// Covariance of what an effect's law may be off, N²: nature's drainage is not the library's.
 /// @param change_n  what the effect does to the force

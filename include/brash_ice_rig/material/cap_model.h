@@ -37,6 +37,13 @@ struct CapParameters {
 /// @param element_length_m  cube root of a particle's volume, m, > 0
 CapParameters makeCapParameters(const IceConfig& ice, double stiffness_scale, double element_length_m);
 
+/// Makes the ice stronger or weaker: its whole yield surface grows with the ratio, and its fracture energies with the
+/// ratio squared, as ScaledStrength does it for a particle. Cohesion alone, with the fracture energies of Table 7 for
+/// all, makes strong ice so brittle that it lifts no more than weak ice does.
+/// @param ice    a validated configuration; its cap_max_compaction stays in its range
+/// @param ratio  of new strength to old, > 0
+void scaleStrength(IceConfig& ice, double ratio);
+
 /// Continuous surface cap model (CSCM): a Drucker-Prager cone and a cap that moves with plastic volume change, as one
 /// smooth yield surface (eqs. 7-9)
 ///   f = J2' - Q² F_f(J1)² F_c(J1, e),   F_f = alpha + theta J1,   F_c = 1 - t² for t > 0 and 1 below,

@@ -453,11 +453,20 @@ LinearModel Chain::linearModel(const Model& model) const {
   return m;
 }
 
-/// Errors beside a model: those of the baseline, and what the law of its effects may be off at the present amplitudes.
+/// Errors beside a model: those of the baseline, and what the law of its effects may be off at the present amplitudes. A
+/// load cell's bias or scale has no other law: with that freedom, a little of it would explain anything smooth.
 ErrorModel Chain::errorsOf(const Model& model) const {
   ErrorModel errors = errors_;
   if (model.effect_columns.cols() == 0 || model.fit.x.size() == 0) return errors;
-  const Eigen::VectorXd change = model.effect_columns * model.fit.x.tail(model.effect_columns.cols());
+  Eigen::VectorXd change = Eigen::VectorXd::Zero(data_.size());
+  Eigen::Index column = 0;
+  for (const Variant* v : model.variants) {
+    const auto count = static_cast<Eigen::Index>(v->amplitudes.size());
+    if (!v->effect->reading_only) {
+      change += model.effect_columns.middleCols(column, count) * model.fit.x.segment(unknowns() + column, count);
+    }
+    column += count;
+  }
   for (const Site& site : sites_) {
     if (!site.observation().ice_contact) continue;
     errors.noise.block(site.first_row, site.first_row, site.rows(), site.rows()) +=
@@ -466,8 +475,7 @@ ErrorModel Chain::errorsOf(const Model& model) const {
   return errors;
 }
 
-/// Twice where there is an effect: how far its law may be off depends on how much of it there is. The residual is
-/// judged by the baseline's allowance all the same.
+/// Twice where there is an effect: how far its law may be off depends on how much of it there is.
 void Chain::refit(Model& model) const {
   const LinearModel m = linearModel(model);
   const bool has_effect = model.effect_columns.cols() > 0;

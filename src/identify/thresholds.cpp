@@ -4,11 +4,9 @@ namespace brash_ice_rig {
 
 Thresholds identificationThresholds() {
   Thresholds t;
-  // Screened lifts without an effect, of the blind generator's tune seeds, with six references. Of so few the largest
-  // counts: ice that is stronger than the manifest says looks like bonds, because the simulator hardly rises with
-  // cohesion.
-  t.null_records = 12;
-  t.own = {{"freeze_bonds", 24.0}, {"rate_dependence", 7.0}};
+  // Screened lifts without an effect, of the blind generator's tune seeds, with 24 references: three exceed 6, by
+  // pole_tilt (10.4), drainage (6.3) and load_cell_lag (6.2). So no effect's own 97 % quantile is above the common one.
+  t.null_records = 57;
   return t;
 }
 

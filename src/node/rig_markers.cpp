@@ -79,6 +79,8 @@ Marker makeForceArrow(const std_msgs::Header& header, double length_m) {
 
 /// Where a line of text begins, in blanks to the right of the pole (a blank is half as wide as a line is high).
 constexpr int kRightOfPole = 3, kLeftOfPole = -14;
+/// Rows above the load cell: with the collector at its lowest, five lines still stand clear of the ice.
+constexpr int kRowsAbove = 1;
 
 /// A line of text beside the pole, as seen from any side. rviz centres the longest line of a text at the marker, and
 /// lets the others begin where that one begins: the longest is a line of blanks here.
@@ -89,7 +91,7 @@ Marker makeLine(const std_msgs::Header& load_cell, const char* name, int row, in
   Marker line = makeMarker(load_cell, name, Marker::TEXT_VIEW_FACING, color);
   line.id = 1 + row;
   line.scale.z = kLineHeightM;
-  line.pose.position.z = -1.1 * kLineHeightM * row;
+  line.pose.position.z = 1.1 * kLineHeightM * (kRowsAbove - row);
   line.text = blanks(2 * kHalf) + "\n" + blanks(kHalf + begin) + text;
   return line;
 }

@@ -27,9 +27,12 @@ namespace brash_ice_rig {
 namespace {
 
 constexpr double kHistoryS = 180.0;
-/// Period of velocity commands, wall ms. The crane's watchdog waits 0.25 s of simulated time: enough for a rig at seven
-/// times real time.
-constexpr int kCommandPeriodMs = 33;
+/// Period of velocity commands, wall time. The crane's watchdog waits 0.25 s of simulated time: enough for a rig at
+/// seven times real time.
+constexpr std::chrono::milliseconds kCommandPeriod{33};
+/// A GUI that stands still for so long cannot tell whether a slider is still held. A frame takes half a second at worst
+/// on a busy computer without a graphics card.
+constexpr std::chrono::seconds kGuiTimeout{1};
 constexpr int kRefreshPeriodMs = 150;
 constexpr std::chrono::seconds kStatusTimeout{2};
 /// Flags are raised for a fifth of a second at a time: keep each on the screen long enough to read it.
@@ -80,6 +83,10 @@ RigPanel::RigPanel(QWidget* parent) : rviz::Panel(parent), history_(kHistoryS) {
   answer_->setObjectName("answer");
   answer_->setWordWrap(true);
   answer_->setTextFormat(Qt::PlainText);
+  // Its line stays free without an answer, lest the controls move away under the mouse.
+  answer_->setText("|");
+  answer_->setMinimumHeight(answer_->sizeHint().height());
+  answer_->clear();
 
   auto* layout = new QVBoxLayout(this);
   layout->setContentsMargins(6, 4, 6, 4);
@@ -96,19 +103,23 @@ RigPanel::RigPanel(QWidget* parent) : rviz::Panel(parent), history_(kHistoryS) {
   layout->addWidget(makeNamespaceRow());
   setMinimumWidth(330);
 
-  auto* command_timer = new QTimer(this);
-  connect(command_timer, &QTimer::timeout, this, [this] { sendVelocity(); });
-  command_timer->start(kCommandPeriodMs);
   auto* refresh_timer = new QTimer(this);
   connect(refresh_timer, &QTimer::timeout, this, [this] { refresh(); });
   refresh_timer->start(kRefreshPeriodMs);
 
   connectToRig();
+  repeater_ = std::thread([this] { repeatVelocity(); });
 }
 
 RigPanel::~RigPanel() {
-  drive_.releaseAll();
-  sendVelocity();
+  {
+    const std::lock_guard<std::mutex> lock(drive_mutex_);
+    drive_.releaseAll();
+    sendVelocity();
+    ending_ = true;
+  }
+  ending_now_.notify_all();
+  repeater_.join();
 }
 
 // -------------------------------------------------------------------------------------------------------------- layout
@@ -127,15 +138,22 @@ SpringSlider* RigPanel::makeSlider(HandDrive::Axis axis, Qt::Orientation orienta
   slider->setObjectName(name);
   slider->setToolTip("Drives while held, stops when let go");
   const auto deflection = [](int value) { return static_cast<double>(value) / SpringSlider::kEnd; };
-  connect(slider, &QSlider::sliderPressed, this,
-          [this, slider, axis, deflection] { drive_.hold(axis, deflection(slider->value())); });
+  connect(slider, &QSlider::sliderPressed, this, [this, slider, axis, deflection] {
+    const std::lock_guard<std::mutex> lock(drive_mutex_);
+    gui_seen_ = WallClock::now();
+    drive_.hold(axis, deflection(slider->value()));
+  });
   connect(slider, &QSlider::valueChanged, this, [this, slider, axis, deflection](int value) {
-    if (slider->isSliderDown()) drive_.hold(axis, deflection(value));
+    if (!slider->isSliderDown()) return;
+    const std::lock_guard<std::mutex> lock(drive_mutex_);
+    drive_.hold(axis, deflection(value));
   });
   connect(slider, &QSlider::sliderReleased, this, [this, axis] {
+    const std::lock_guard<std::mutex> lock(drive_mutex_);
     drive_.release(axis);
     sendVelocity();  // the crane's stop does not wait for the next tick
   });
+  sliders_[axis] = slider;
   return slider;
 }
 
@@ -162,11 +180,15 @@ QWidget* RigPanel::makeCraneBox() {
   full_speed_->setToolTip("Speed with a slider at its end; the node cuts it to crane.max_speed_mps");
   drive_.setFullSpeed(full_speed_->value());
   connect(full_speed_, QOverload<double>::of(&QDoubleSpinBox::valueChanged), this, [this](double value) {
-    drive_.setFullSpeed(value);
+    {
+      const std::lock_guard<std::mutex> lock(drive_mutex_);
+      drive_.setFullSpeed(value);
+    }
     Q_EMIT configChanged();
   });
   crane_state_ = new QLabel;
   crane_state_->setObjectName("crane_state");
+  crane_state_->setToolTip("Height of the collector's hub over the still waterline, and its speed");
 
   auto* layout = new QGridLayout(crane_box_);
   layout->setContentsMargins(8, 4, 8, 4);
@@ -265,6 +287,7 @@ void RigPanel::save(rviz::Config config) const {
 // ----------------------------------------------------------------------------------------------------------------- ROS
 
 void RigPanel::connectToRig() {
+  const std::lock_guard<std::mutex> lock(drive_mutex_);
   drive_.releaseAll();
   sendVelocity();  // to the rig that we leave
   subscribers_ = {};
@@ -333,6 +356,25 @@ void RigPanel::sendVelocity() {
   velocity_publisher_.publish(command);
 }
 
+void RigPanel::repeatVelocity() {
+  std::unique_lock<std::mutex> lock(drive_mutex_);
+  while (!ending_now_.wait_for(lock, kCommandPeriod, [this] { return ending_; })) {
+    if (WallClock::now() - gui_seen_ > kGuiTimeout) drive_.releaseAll();
+    sendVelocity();
+  }
+}
+
+void RigPanel::showThatGuiRuns() {
+  bool stood = false;
+  {
+    const std::lock_guard<std::mutex> lock(drive_mutex_);
+    stood = WallClock::now() - gui_seen_ > kGuiTimeout;
+    gui_seen_ = WallClock::now();
+  }
+  if (!stood) return;
+  for (SpringSlider* slider : sliders_) slider->letGo();
+}
+
 void RigPanel::sendFold(double ratio) {
   if (!fold_publisher_) return;
   std_msgs::Float64 target;
@@ -371,7 +413,6 @@ void RigPanel::runTo(std::size_t stage) {
 void RigPanel::say(const std::string& text, bool trouble) {
   answer_->setText(QString::fromStdString(text));
   answer_->setStyleSheet(trouble ? "color: #b02020" : "color: #404040");
-  answer_->setVisible(!text.empty());
 }
 
 // -------------------------------------------------------------------------------------------------------------- screen
@@ -381,6 +422,7 @@ bool RigPanel::alive() const {
 }
 
 void RigPanel::refresh() {
+  showThatGuiRuns();
   if (const auto answer = caller_.poll()) {
     const std::string name = answer->service.substr(answer->service.rfind('/') + 1);
     say(name + ": " + answer->message, !answer->success);

@@ -12,6 +12,10 @@ SpringSlider::SpringSlider(Qt::Orientation orientation, QWidget* parent) : QSlid
   setFocusPolicy(Qt::NoFocus);
   setTickPosition(QSlider::TicksBothSides);
   setTickInterval(kEnd);
+  // Styles fill the groove from one end to the handle: a slider at rest would look half full.
+  QPalette colors = palette();
+  colors.setColor(QPalette::Highlight, colors.color(QPalette::Mid));
+  setPalette(colors);
 }
 
 bool SpringSlider::event(QEvent* event) {

@@ -1,11 +1,13 @@
 // teleop_key: crane and fold of a rig by single keys, with its force, height and speed. doc/ros_api.md.
 // Exit codes: 0 ended by q or Ctrl-C, 1 no ROS master, 2 bad input or no terminal, 128 + n ended by signal n.
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <exception>
+#include <map>
 #include <optional>
 #include <string>
 #include <system_error>
@@ -33,6 +35,8 @@ constexpr double kShowPeriodS = 0.1;
 constexpr double kSilentAfterS = 1.5;  // wall time; a paused rig still sends five times a second
 constexpr int kReadTimeoutMs = 10;
 constexpr std::size_t kRemedyLines = 3;
+/// Flags are raised for a fifth of a second at a time: keep each on the screen long enough to read it.
+constexpr double kFlagStaysS = 4.0;
 
 double nowSeconds() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
@@ -71,6 +75,9 @@ class KeyTeleopProgram {
     status_subscriber_ = node_.subscribe<SimStatus>(topics::kSimStatus, 1, [this](const SimStatus::ConstPtr& m) {
       status_ = *m;
       heard_s_ = nowSeconds();
+      for (std::size_t i = 0; i < std::min(m->flag_names.size(), m->remedies.size()); ++i) {
+        flags_[m->flag_names[i]] = {m->remedies[i], heard_s_};
+      }
     });
   }
 
@@ -134,7 +141,7 @@ class KeyTeleopProgram {
                         status_->frozen   ? "   FROZEN"
                         : status_->paused ? "   PAUSED"
                                           : "")
-               : std::string("   no answer; launch it with: roslaunch brash_ice_rig pull_up.launch teleop:=true"))};
+               : std::string("   no answer"))};
     shown.emplace_back();
     if (crane_ && force_n_) {
       shown.push_back(format("  force   %+9.3f kN    peak %+9.3f kN (1 s mean)", 1e-3 * *force_n_,
@@ -151,17 +158,23 @@ class KeyTeleopProgram {
     shown.push_back(teleop_.moving() ? format("  \x1b[7m MOVES \x1b[0m at %.3f m/s", teleop_.speed())
                                      : format("  still    a held key moves at %.3f m/s", teleop_.speed()));
     shown.emplace_back("  hold  w s or arrows up, down: hoist   a d or arrows: boom x   r f: boom y");
-    shown.emplace_back("  press o c: open, close the arms   + -: speed   space: stop all   t: tare   q: quit");
+    shown.emplace_back("  press o c: open, close arms   + -: speed   space: stop all   t: tare   q: quit");
     shown.push_back("  " + note_);
-    std::string remedies;
-    if (alive) {
-      for (const std::string& remedy : status_->remedies) remedies += (remedies.empty() ? "" : " ") + remedy;
+    std::string flags;
+    if (!alive) flags = "Launch the rig with: roslaunch brash_ice_rig pull_up.launch teleop:=true";
+    for (const auto& [name, flag] : flags_) {
+      if (alive && now_s - flag.seen_s < kFlagStaysS) flags += (flags.empty() ? "" : " ") + name + ": " + flag.remedy;
     }
-    std::vector<std::string> wrapped = wrap(remedies, width > 4 ? width - 3 : 1);
+    std::vector<std::string> wrapped = wrap(flags, width > 4 ? width - 3 : 1);
     wrapped.resize(kRemedyLines);
     for (const std::string& line : wrapped) shown.push_back("  " + line);
     return shown;
   }
+
+  struct RaisedFlag {
+    std::string remedy;
+    double seen_s;
+  };
 
   ros::NodeHandle node_;
   KeyTeleop teleop_;
@@ -172,6 +185,7 @@ class KeyTeleopProgram {
   std::optional<CraneState> crane_;
   std::optional<SimStatus> status_;
   double heard_s_ = 0.0;
+  std::map<std::string, RaisedFlag> flags_;
   ros::Publisher velocity_publisher_, fold_publisher_;
   ros::Subscriber wrench_subscriber_, crane_subscriber_, status_subscriber_;
 };

@@ -1,6 +1,8 @@
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
+#include <regex>
 #include <string>
 #include <vector>
 
@@ -13,6 +15,7 @@
 
 #include <geometry_msgs/TwistStamped.h>
 #include <sensor_msgs/Joy.h>
+#include <std_msgs/Float64.h>
 
 #include "brash_ice_rig/CraneState.h"
 #include "test_support.h"
@@ -134,7 +137,7 @@ class KeyTeleoperation : public Teleoperation {
     fcntl(master_, F_SETFL, O_NONBLOCK);
     // Kept open: a terminal that nobody has open forgets its modes.
     slave_ = open(terminal_name_.c_str(), O_RDWR | O_NOCTTY | O_CLOEXEC);
-    const winsize size{24, 100, 0, 0};
+    const winsize size{24, 80, 0, 0};
     ioctl(slave_, TIOCSWINSZ, &size);
     ASSERT_EQ(tcgetattr(slave_, &modes_before_), 0);
     child_ = fork();
@@ -230,6 +233,34 @@ TEST_F(KeyTeleoperation, ShowsForceHeightAndSpeedLive) {
   EXPECT_NE(screen_.find("height"), std::string::npos);
   EXPECT_TRUE(holdUntil("\x1b[B", [&] { return screen_.find("-0.100 m/s") != std::string::npos; })) << screen_;
   EXPECT_NE(screen_.find("MOVES"), std::string::npos);
+}
+
+TEST_F(KeyTeleoperation, FlagStaysOnTheScreenLongEnoughToBeRead) {
+  auto fold_publisher = node_.advertise<std_msgs::Float64>("collector/cmd_fold", 1);
+  ASSERT_TRUE(waitFor([&] { return fold_publisher.getNumSubscribers() > 0; }));
+  std_msgs::Float64 wrong;
+  wrong.data = 7.0;
+  fold_publisher.publish(wrong);
+  ASSERT_TRUE(waitForScreen("command_rejected: ")) << screen_;
+  ASSERT_TRUE(status_.waitForNew([](const SimStatus& status) { return status.flags == 0; }));
+  spinFor(0.3);
+  readScreen();
+  screen_.clear();
+  EXPECT_TRUE(waitForScreen("command_rejected: "));
+}
+
+TEST_F(KeyTeleoperation, LinesFitIntoEightyColumns) {
+  spinFor(0.5);
+  readScreen();
+  const std::string plain = std::regex_replace(screen_, std::regex("\x1b\\[[?0-9;]*[A-Za-z]|\r"), "");
+  ASSERT_NE(plain.find("q: quit"), std::string::npos) << plain;
+  std::size_t longest = 0;
+  for (std::size_t begin = 0; begin < plain.size();) {
+    const std::size_t end = std::min(plain.find('\n', begin), plain.size());
+    longest = std::max(longest, end - begin);
+    begin = end + 1;
+  }
+  EXPECT_LE(longest, 80u) << plain;
 }
 
 TEST_F(KeyTeleoperation, KeysUnfoldAndSpaceHoldsTheArmsWhereTheyAre) {

@@ -150,6 +150,33 @@ TEST_F(PanelTest, SliderThatIsHiddenWhileHeldStopsTheCrane) {
   EXPECT_EQ(commands_.last().twist.linear.z, 0.0);
 }
 
+TEST_F(PanelTest, CraneMovesOnWhileRvizDrawsAFrameButNotWhenItHangs) {
+  auto* hoist = find<QSlider>("hoist");
+  QTest::mousePress(hoist, Qt::LeftButton, Qt::NoModifier, pointOn(hoist, 1.0));
+  ASSERT_TRUE(waitInGui([&] { return speed() > 0.1; }));
+  // waitFor() serves no events of the GUI.
+  EXPECT_FALSE(waitFor([&] { return speed() < 0.1; }, 0.6)) << "the watchdog waits only 0.25 s";
+  EXPECT_TRUE(waitFor([&] { return speed() == 0.0; }));
+  EXPECT_EQ(commands_.last().twist.linear.z, 0.0) << "stopped by a zero";
+  waitInGui([] { return false; }, 0.3);
+  EXPECT_EQ(hoist->value(), 0) << "it has to be pressed anew";
+  const std::size_t sent = commands_.messages.size();
+  drag(hoist, pointOn(hoist, 0.5));
+  waitInGui([] { return false; }, 0.3);
+  EXPECT_EQ(commands_.messages.size(), sent);
+  QTest::mouseRelease(hoist, Qt::LeftButton, Qt::NoModifier, pointOn(hoist, 0.5));
+}
+
+TEST_F(PanelTest, AnswersDoNotMoveTheControlsUnderTheMouse) {
+  const auto height = [&] { return find<QSlider>("hoist")->mapTo(panel_.get(), QPoint()).y(); };
+  waitInGui([] { return false; }, 0.2);
+  const int with_answer = height();
+  EXPECT_FALSE(answer().isEmpty());
+  find<QLabel>("answer")->clear();
+  waitInGui([] { return false; }, 0.2);
+  EXPECT_EQ(height(), with_answer);
+}
+
 TEST_F(PanelTest, WheelAndKeysDoNotDrive) {
   auto* boom = find<QSlider>("boom_x");
   QWheelEvent wheel(QPointF(5, 5), boom->mapToGlobal(QPoint(5, 5)), QPoint(), QPoint(0, 240), Qt::NoButton,

@@ -2,9 +2,12 @@
 
 #include <array>
 #include <chrono>
+#include <condition_variable>
 #include <map>
+#include <mutex>
 #include <optional>
 #include <string>
+#include <thread>
 
 #include <geometry_msgs/WrenchStamped.h>
 #include <ros/ros.h>
@@ -31,8 +34,9 @@ class SpringSlider;
 /// The operator's panel in rviz: force over time, crane, collector, stages, run control, flags with their remedies.
 /// Saved properties: Namespace (of the rig; empty: that of rviz), Full Speed (m/s), Step (s).
 ///
-/// Everything happens in the GUI's thread, which serves ROS callbacks, too; only service calls have their own. Topics
-/// come back by themselves when the node is restarted.
+/// Everything happens in the GUI's thread, which serves ROS callbacks, too; only service calls and velocity commands
+/// have their own: a frame of rviz may take longer than the crane's watchdog waits. Topics come back by themselves when
+/// the node is restarted.
 class RigPanel : public rviz::Panel {
  public:
   explicit RigPanel(QWidget* parent = nullptr);
@@ -62,7 +66,12 @@ class RigPanel : public rviz::Panel {
   void onStatus(const SimStatus& status);
   void onCrane(const CraneState& crane);
 
+  /// What drive_ says now; under drive_mutex_.
   void sendVelocity();
+  /// In a thread of its own: repeats the velocity while a slider is held, and lets go when the GUI stands still.
+  void repeatVelocity();
+  /// In the GUI: it goes on. After a standstill the sliders spring back, for the crane has been stopped.
+  void showThatGuiRuns();
   void sendFold(double ratio);
   void trigger(const char* service);
   void pauseOrResume();
@@ -79,17 +88,23 @@ class RigPanel : public rviz::Panel {
 
   ros::NodeHandle node_;
   std::array<ros::Subscriber, 3> subscribers_;
-  ros::Publisher velocity_publisher_, fold_publisher_;
+  ros::Publisher fold_publisher_;
   ServiceCaller caller_;
 
   ForceHistory history_;
-  HandDrive drive_;
   std::optional<SimStatus> status_;
   std::optional<CraneState> crane_;
   WallClock::time_point status_seen_{};
   std::map<std::string, RaisedFlag> flags_;
   std::optional<std::size_t> run_to_;  ///< stage at whose beginning to pause
 
+  std::mutex drive_mutex_;  ///< of what follows up to the blank line
+  HandDrive drive_;
+  ros::Publisher velocity_publisher_;
+  WallClock::time_point gui_seen_ = WallClock::now();
+  bool ending_ = false;
+
+  std::array<SpringSlider*, 3> sliders_;
   QLabel *head_, *force_, *crane_state_, *collector_state_, *answer_;
   ForcePlot* plot_;
   QGroupBox* crane_box_;
@@ -98,6 +113,9 @@ class RigPanel : public rviz::Panel {
   std::array<QPushButton*, 6> stages_;
   QDoubleSpinBox *full_speed_, *step_duration_;
   QLineEdit* namespace_;
+
+  std::condition_variable ending_now_;
+  std::thread repeater_;
 };
 
 }  // namespace brash_ice_rig

@@ -14,6 +14,9 @@ class SpringSlider : public QSlider {
 
   explicit SpringSlider(Qt::Orientation orientation, QWidget* parent = nullptr);
 
+  /// As if the mouse had let go.
+  void letGo();
+
  protected:
   bool event(QEvent* event) override;
   void mousePressEvent(QMouseEvent* event) override;
@@ -24,7 +27,6 @@ class SpringSlider : public QSlider {
 
  private:
   int valueAt(const QPoint& point) const;
-  void letGo();
 };
 
 }  // namespace brash_ice_rig

@@ -30,9 +30,9 @@ constexpr double kHistoryS = 180.0;
 /// Period of velocity commands, wall time. The crane's watchdog waits 0.25 s of simulated time: enough for a rig at
 /// seven times real time.
 constexpr std::chrono::milliseconds kCommandPeriod{33};
-/// A GUI that stands still for so long cannot tell whether a slider is still held. A frame takes half a second at worst
-/// on a busy computer without a graphics card.
-constexpr std::chrono::seconds kGuiTimeout{1};
+/// A GUI that stands still for so long cannot tell whether a slider is still held. A frame takes a second at worst on a
+/// busy computer without a graphics card.
+constexpr std::chrono::seconds kGuiTimeout{2};
 constexpr int kRefreshPeriodMs = 150;
 constexpr std::chrono::seconds kStatusTimeout{2};
 /// Flags are raised for a fifth of a second at a time: keep each on the screen long enough to read it.
@@ -372,7 +372,11 @@ void RigPanel::showThatGuiRuns() {
     gui_seen_ = WallClock::now();
   }
   if (!stood) return;
-  for (SpringSlider* slider : sliders_) slider->letGo();
+  for (SpringSlider* slider : sliders_) {
+    if (!slider->isSliderDown()) continue;
+    slider->letGo();
+    say("rviz stood still for " + std::to_string(kGuiTimeout.count()) + " s, so the slider was let go", true);
+  }
 }
 
 void RigPanel::sendFold(double ratio) {

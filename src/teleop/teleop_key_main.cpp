@@ -158,7 +158,7 @@ class KeyTeleopProgram {
     shown.push_back(teleop_.moving() ? format("  \x1b[7m MOVES \x1b[0m at %.3f m/s", teleop_.speed())
                                      : format("  still    a held key moves at %.3f m/s", teleop_.speed()));
     shown.emplace_back("  hold  w s or arrows up, down: hoist   a d or arrows: boom x   r f: boom y");
-    shown.emplace_back("  press o c: open, close arms   + -: speed   space: stop all   t: tare   q: quit");
+    shown.emplace_back("  press o c: open, close arms   + -: speed   space: stop   t: tare   q: quit");
     shown.push_back("  " + note_);
     std::string flags;
     if (!alive) flags = "Launch the rig with: roslaunch brash_ice_rig pull_up.launch teleop:=true";

@@ -3,6 +3,7 @@
 here. PYTHONPATH must lead to the package's messages."""
 
 import csv
+import math
 import os
 import subprocess
 import sys
@@ -268,6 +269,47 @@ class BagToRecord(unittest.TestCase):
         with rosbag.Bag(self.bag_file, "w") as bag:
             write_run(bag, -1.0, 1.0)
         self.assertIn("give --source field, lab or synthetic", self.refusal())
+
+    def test_a_damaged_bag_is_refused_wherever_the_damage_is(self):
+        with rosbag.Bag(self.bag_file, "w") as bag:
+            write_run(bag, -1.0, 1.0)
+        with open(self.bag_file, "rb") as stream:
+            whole = stream.read()
+        message = whole.rindex(b"conn=")  # in the header of the last message's record
+        for damaged in (whole[:message - 4] + b"\xff\xff" + whole[message - 2:],  # the length of a field is wrong
+                        whole.replace(b"float64 x\n", b"string  x\n"),  # a definition is
+                        whole.replace(b"float64 time_s", b"float64 tim__s")):
+            with open(self.bag_file, "wb") as stream:
+                stream.write(damaged)
+            outcome = self.run_script(self.bag_file, "--source", "field")
+            self.assertEqual(outcome.returncode, 1, outcome.stdout)
+            # rosbag warns of definitions.
+            self.assertTrue(outcome.stderr.splitlines()[-1].startswith("bag_to_record: "), outcome.stderr)
+            self.assertNotIn("Traceback", outcome.stderr)
+
+    def test_messages_of_another_type_are_refused(self):
+        for topic, message in [("crane/state", WrenchStamped()), ("sim/commands", String("x")),
+                               ("load_cell/wrench", ForceComponents()), ("sim/scenario", CraneState())]:
+            with rosbag.Bag(self.bag_file, "w") as bag:
+                if topic != "load_cell/wrench":
+                    bag.write("/rig/load_cell/wrench", WrenchStamped(), rospy.Time.from_sec(START_S))
+                bag.write("/rig/" + topic, message, rospy.Time.from_sec(START_S))
+            self.assertIn(f"/rig/{topic} has messages {message._type}, not ", self.refusal("--source", "field"))
+
+    def test_times_that_are_no_numbers_or_go_back_make_no_rows(self):
+        with rosbag.Bag(self.bag_file, "w") as bag:
+            write_run(bag, -1.0, 1.0)
+            for stamp_s, time_s in [(0.2, math.nan), (0.4, -0.5), (0.6, math.inf)]:
+                components = ForceComponents(time_s=time_s, tension_n=math.nan)
+                components.header.stamp = rospy.Time.from_sec(START_S + stamp_s)
+                bag.write("/rig/ground_truth/force_components", components, components.header.stamp)
+            state = state_at(math.nan, START_S + 0.9)
+            bag.write("/rig/crane/state", state, state.header.stamp)
+        self.convert("--source", "field")
+        times = [row["time_s"] for row in self.rows()]
+        self.assertEqual(len(times), 41 - 3)
+        self.assertEqual(times, sorted(times))
+        self.assertTrue(all(math.isfinite(time_s) for time_s in times))
 
     def test_files_that_exist_are_replaced_only_if_asked(self):
         self.simulated_bag()

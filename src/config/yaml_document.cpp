@@ -45,9 +45,11 @@ YAML::Node readYamlMap(const std::string& path, const std::string& content) {
   if (std::filesystem::is_directory(path, ignored)) throw ConfigError("", "", "is a directory, not a file", path);
   std::ifstream in(path, std::ios::binary);
   if (!in) throw ConfigError("", "", std::string("file cannot be read: ") + std::strerror(errno), path);
-  std::string text(kMaxYamlBytes + 1, '\0');
-  in.read(text.data(), static_cast<std::streamsize>(text.size()));
-  text.resize(static_cast<std::size_t>(in.gcount()));
+  // In pieces: neither a pipe nor a device tells its size.
+  std::string text;
+  for (char piece[8192]; text.size() <= kMaxYamlBytes && (in.read(piece, sizeof piece), in.gcount() > 0);) {
+    text.append(piece, static_cast<std::size_t>(in.gcount()));
+  }
   if (text.size() > kMaxYamlBytes) {
     throw ConfigError(
         "", "", "is larger than " + std::to_string(kMaxYamlBytes >> 20) + " MB, which no YAML file of ours is", path);

@@ -92,7 +92,7 @@ void ForceStatistics::visitState(StateVisitor& visitor) {
   static_assert(sizeof(Sample) == 2 * sizeof(double), "no padding");
   std::vector<Sample> recent;
   if (!visitor.loading()) recent.assign(recent_.begin(), recent_.end());
-  visitor.records("recent_n", recent);
+  visitor.list("recent_n", recent);
   if (recent.size() > std::max(peak_samples_, residual_samples_)) visitor.refuse("there are too many samples");
   recent_.assign(recent.begin(), recent.end());
   visitor("peak_n", peak_n_);

@@ -155,7 +155,7 @@ void VtkWriter::write(double time_s, const ParticleCloud& cloud, const Collector
 }
 
 void VtkWriter::visitState(StateVisitor& visitor) {
-  visitor("times_s", times_s_);
+  visitor.list("times_s", times_s_);
   visitor("due_s", due_s_);
   if (!visitor.loading()) return;
   for (std::size_t i = 0; i < times_s_.size(); ++i) {

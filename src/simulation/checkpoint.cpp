@@ -95,8 +95,7 @@ class Loader : public StateVisitor {
     const std::size_t found_size = get<unsigned char>();
     const auto found_count = get<std::uint64_t>();
     const bool fits = found_size == size && found_count <= left_ / size;
-    const bool wanted_count =
-        length == Length::kAny || found_count == count || (length == Length::kOfArray && count == 0);
+    const bool wanted_count = length == Length::kAny || found_count == count;
     if (!fits || !wanted_count) {
       refuse(wanted + " has " + std::to_string(found_count) + " values of " + std::to_string(found_size) +
              " bytes, not " + std::to_string(count) + " of " + std::to_string(size));

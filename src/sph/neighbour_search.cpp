@@ -103,7 +103,8 @@ void NeighbourSearch::findRowsOf(std::size_t home, const std::vector<Eigen::Vect
     for (std::size_t k = 0; k < around.size(); ++k) {
       const double ox = x[k] - own.x(), oy = y[k] - own.y(), oz = z[k] - own.z();
       row[taken] = around[k];  // written in any case and kept or not: a branch would often be guessed wrong
-      taken += (ox * ox + oy * oy + oz * oz < radius_squared) & (around[k] != static_cast<std::int32_t>(i)) ? 1 : 0;
+      const bool near = ox * ox + oy * oy + oz * oz < radius_squared, other = around[k] != static_cast<std::int32_t>(i);
+      taken += static_cast<std::size_t>(near & other);
     }
     row_length_[i] = taken;
     found.resize(row_offset_[i] + taken);

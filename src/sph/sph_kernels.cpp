@@ -12,6 +12,13 @@ constexpr std::size_t kPairs = PairBlock::kPairs;
 /// A pair closer than this to the edge of the support has no measurable weight, and its viscosity factor overflows.
 constexpr float kSupportMargin = 1.0e-4f;
 
+/// The arrays of the loop that follows do not overlap. Clang looks at that itself, when the program runs.
+#ifdef __clang__
+#define BRASH_ICE_INDEPENDENT_ITERATIONS
+#else
+#define BRASH_ICE_INDEPENDENT_ITERATIONS _Pragma("GCC ivdep")
+#endif
+
 typedef std::int32_t Int8 __attribute__((vector_size(32)));
 
 BRASH_ICE_INLINE Float4 loadPadded(const Padded3& from) {
@@ -128,7 +135,7 @@ void strain(const SphRows& rows, std::size_t begin, std::size_t end, float time_
   for (std::size_t c = 0; c < 6; ++c) e[c] = rows.strain_increment[c] + begin;
   float* const volume = rows.volume + begin;
   float spin_xy[kSphTile], spin_yz[kSphTile], spin_zx[kSphTile];
-#pragma GCC ivdep
+  BRASH_ICE_INDEPENDENT_ITERATIONS
   for (std::size_t k = 0; k < count; ++k) {
     const auto increment = [&](std::size_t row, std::size_t column) {
       return time_step_s * (raw[3 * row][k] * b[column][k] + raw[3 * row + 1][k] * b[3 + column][k] +
@@ -156,7 +163,7 @@ void strain(const SphRows& rows, std::size_t begin, std::size_t end, float time_
     float* const* source = tensor == 0 ? rows.stress : rows.tensors + 6 * (tensor - 1);
     float* const arrays[6] = {source[0] + begin, source[1] + begin, source[2] + begin,
                               source[3] + begin, source[4] + begin, source[5] + begin};
-#pragma GCC ivdep
+    BRASH_ICE_INDEPENDENT_ITERATIONS
     for (std::size_t k = 0; k < count; ++k) rotate(arrays, k, {spin_xy[k], spin_yz[k], spin_zx[k]});
   }
 }
@@ -168,7 +175,7 @@ void correctStress(const SphRows& rows, std::size_t begin, std::size_t end) {
   for (std::size_t c = 0; c < 6; ++c) s[c] = rows.stress[c] + begin;
   for (std::size_t c = 0; c < 9; ++c) b[c] = rows.correction[c] + begin;
   float product[9][kSphTile];  // by columns
-#pragma GCC ivdep
+  BRASH_ICE_INDEPENDENT_ITERATIONS
   for (std::size_t k = 0; k < count; ++k) {
     const float xx = s[0][k], yy = s[1][k], zz = s[2][k], xy = s[3][k], yz = s[4][k], zx = s[5][k];
     for (std::size_t column = 0; column < 3; ++column) {

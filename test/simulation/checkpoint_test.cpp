@@ -245,7 +245,11 @@ class BadCheckpoint : public Checkpoint {
   void SetUp() override {
     Scenario s = lift();
     s.field.length_x_m = s.field.length_y_m = 3.6;
-    Simulation simulation(s);
+    save(s);
+  }
+
+  void save(const Scenario& scenario) {
+    Simulation simulation(scenario);
     simulation.advance(0.6);
     simulation.save(file_);
     content_ = readFile(file_);
@@ -287,6 +291,21 @@ class BadCheckpoint : public Checkpoint {
   std::string withValue(std::size_t at, const Value& value) const {
     std::string changed = content_;
     std::memcpy(&changed[at], &value, sizeof value);
+    return changed;
+  }
+
+  /// With another number of elements in a field of the world, zeros where there were none.
+  std::string withLength(const std::string& field, std::size_t element_size, std::uint64_t length) const {
+    std::string changed = content_;
+    const std::size_t at = placeOf(field);
+    std::uint64_t before = 0, section_size = 0;
+    std::memcpy(&before, &changed[at - 8], sizeof before);
+    std::memcpy(&changed[at - 8], &length, sizeof length);
+    changed.replace(at, before * element_size, length * element_size, '\0');
+    const std::size_t section = changed.find(std::string("world") + std::string(19, '\0')) + 24;
+    std::memcpy(&section_size, &changed[section], sizeof section_size);
+    section_size += (length - before) * element_size;
+    std::memcpy(&changed[section], &section_size, sizeof section_size);
     return changed;
   }
 
@@ -391,6 +410,27 @@ TEST_F(BadCheckpoint, WithForgedValuesIsRefused) {
             "section world: was written by a program that keeps other things: there is no arm_rate_radps");
   EXPECT_EQ(refusalOf(sealed(withValue(placeOf("arm_rate_radps"), 0.5))),
             "section books: the world came out otherwise than it was saved");
+}
+
+TEST_F(BadCheckpoint, WithForgedLengthsOfArraysIsRefused) {
+  // No effect of this scenario has any of these.
+  for (const char* field : {"strength_ratio", "solid_ratio", "held_water_kg"}) {
+    EXPECT_EQ(refusalOf(sealed(withLength(field, 4, 0))), "") << "or the next line proves nothing";
+    for (const std::uint64_t length : {1, 576}) {
+      EXPECT_EQ(
+          refusalOf(sealed(withLength(field, 4, length))),
+          std::string("section world: ") + field + " has " + std::to_string(length) + " values of 4 bytes, not 0 of 4");
+    }
+  }
+  // What an effect fills at its first step, which is part of making it.
+  Scenario s = lift();
+  s.field.length_x_m = s.field.length_y_m = 3.6;
+  enable(s, "drainage");
+  save(s);
+  for (const std::uint64_t length : {0, 575}) {
+    EXPECT_EQ(refusalOf(sealed(withLength("held_kg", 8, length))),
+              "section world: held_kg has " + std::to_string(length) + " values of 8 bytes, not 576 of 8");
+  }
 }
 
 TEST_F(BadCheckpoint, OfARefusedScenarioSaysWhichKey) {

@@ -38,7 +38,7 @@ class MessagePassing {
 
  private:
   int rank_ = 0, size_ = 1;
-  bool started_ = false;
+  [[maybe_unused]] bool started_ = false;  ///< never without MPI
 };
 
 }  // namespace brash_ice_rig

@@ -17,7 +17,7 @@ namespace brash_ice_rig {
 ///
 /// A name is at most 63 characters long and stands in the file, so that a file of another layout is told from ours.
 /// When loading, the object is one that was made anew from the same scenario. An array keeps the length that it has
-/// there; one that is empty there takes any length.
+/// there: a file is untrusted, and what reads an array relies on its length. list() is for others.
 class StateVisitor {
  public:
   virtual ~StateVisitor() = default;
@@ -74,15 +74,18 @@ class StateVisitor {
   /// An array of plain records without padding, such as vectors of three numbers.
   template <class Record, class Allocator>
   void records(const char* name, std::vector<Record, Allocator>& values) {
-    const std::size_t count = begin(name, values.size(), sizeof(Record), Length::kOfArray);
-    if (count != values.size()) values.resize(count);
-    bytes(values.data(), count * sizeof(Record));
+    visitArray(name, values, Length::kFixed);
+  }
+
+  /// The same of any length.
+  template <class Record>
+  void list(const char* name, std::vector<Record>& values) {
+    visitArray(name, values, Length::kAny);
   }
 
  protected:
   enum class Length {
-    kFixed,    ///< the present one
-    kOfArray,  ///< the present one; any where that is 0
+    kFixed,  ///< the present one
     kAny,
   };
 
@@ -91,6 +94,15 @@ class StateVisitor {
   /// @return number of elements that follow by bytes()
   virtual std::size_t begin(const char* name, std::size_t count, std::size_t size, Length length) = 0;
   virtual void bytes(void* data, std::size_t count) = 0;
+
+ private:
+  template <class Array>
+  void visitArray(const char* name, Array& values, Length length) {
+    const std::size_t size = sizeof(typename Array::value_type);
+    const std::size_t count = begin(name, values.size(), size, length);
+    if (count != values.size()) values.resize(count);
+    bytes(values.data(), count * size);
+  }
 };
 
 }  // namespace brash_ice_rig

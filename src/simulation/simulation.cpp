@@ -384,8 +384,11 @@ void Simulation::Impl::takeCommands() {
     command_step = step_count;
   }
   if (taken.fold_target) fold_target = *taken.fold_target;
-  if (taken.load_cell_noise_n) load_cell.setNoise(*taken.load_cell_noise_n);
-  if (taken.load_cell_resolution_n) load_cell.setResolution(*taken.load_cell_resolution_n);
+  if (taken.load_cell_noise_n || taken.load_cell_resolution_n) {
+    const std::lock_guard<std::mutex> lock(mailbox_mutex);  // any thread may ask for the two
+    if (taken.load_cell_noise_n) load_cell.setNoise(*taken.load_cell_noise_n);
+    if (taken.load_cell_resolution_n) load_cell.setResolution(*taken.load_cell_resolution_n);
+  }
   if (!taken.empty()) commands.push_back(taken);
 }
 

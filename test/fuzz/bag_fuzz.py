@@ -210,7 +210,7 @@ def main():
                 while trace is not None:
                     frames.append((os.path.basename(trace.tb_frame.f_code.co_filename), trace.tb_lineno))
                     trace = trace.tb_next
-                where = (type(error).__name__, [f for f in frames if f[0] != "bag_fuzz.py"][:2].__repr__())
+                where = (type(error).__name__, str([f for f in frames if f[0] != "bag_fuzz.py"][:2]))
                 if where not in findings:
                     finding = os.path.join(arguments.findings, f"bag-{len(findings)}.bag")
                     with open(path, "rb") as bad, open(finding, "wb") as kept:

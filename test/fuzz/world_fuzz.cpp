@@ -118,12 +118,12 @@ Checkpoint saved(const FuzzDirectory& directory, const Scenario& scenario) {
 
 std::vector<Checkpoint> makeWorlds(const FuzzDirectory& directory) {
   Scenario plain = smallScenario(), rich = smallScenario();
+  plain.output.energy = true;
   for (const char* name :
        {"drainage", "block_drop", "rate_dependence", "refreezing", "compliance", "load_cell_lag", "vessel_heave"}) {
     rich.effects[name].enabled = true;
   }
   rich.ice.damage = true;
-  rich.output.energy = true;
   rich.solver.smoothing_length = SmoothingLength::kVariable;
   return {saved(directory, plain), saved(directory, rich)};
 }

@@ -1,8 +1,11 @@
 #include "brash_ice_rig/simulation/simulation.h"
 
+#include <atomic>
+#include <chrono>
 #include <cmath>
 #include <limits>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -366,6 +369,32 @@ TEST(Commands, FoldTargetGivenWhileSettlingCountsAfterwards) {
   EXPECT_EQ(simulation.snapshot().rig.fold_ratio, 0.0);
   simulation.advance(1.0);
   EXPECT_NEAR(simulation.snapshot().rig.fold_ratio, 0.1, 1e-3);
+}
+
+TEST(Commands, MayComeFromAnotherThreadWhileTheWorldRuns) {
+  Scenario scenario = manualScenario();
+  scenario.solver.threads = 2;
+  Simulation simulation(scenario);
+  std::atomic<bool> done{false};
+  // Whether two threads meet in a value, ThreadSanitizer tells (scripts/test --sanitize thread).
+  std::thread commander([&] {
+    for (double noise_n = 1.0; !done; noise_n += 1.0) {
+      simulation.setCraneVelocity({0.0, 0.0, 0.05});
+      simulation.setFoldTarget(0.5);
+      simulation.tare();
+      simulation.setLoadCellNoise(noise_n);
+      simulation.setLoadCellResolution(0.5 * noise_n);
+      EXPECT_GE(simulation.loadCellNoise() + simulation.loadCellResolution(), 0.0);
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    simulation.setLoadCellNoise(7.0);
+  });
+  for (int k = 0; k < 20; ++k) simulation.advance(simulation.samplePeriod());
+  done = true;
+  commander.join();
+  simulation.advance(simulation.samplePeriod());
+  EXPECT_EQ(simulation.loadCellNoise(), 7.0);
+  EXPECT_EQ(simulation.snapshot().rig.fold_target, 0.5);
 }
 
 TEST(Tare, MakesTheHangingRigReadZero) {

@@ -26,8 +26,8 @@ struct StepReport {
 
 /// Field, water and rig together. Knows nothing of ROS.
 ///
-/// One thread owns it. The exceptions are setCraneVelocity(), setFoldTarget(), tare(), and load cell's noise and
-/// resolution: any thread may call them; the last value counts and takes effect at the next step boundary.
+/// One thread owns it. The exceptions are setCraneVelocity(), setFoldTarget(), tare(), and those of load cell's noise
+/// and resolution: any thread may call them; the last value counts and takes effect at the next step boundary.
 /// Same scenario and same commands at the same steps give the same bits, for any number of threads.
 class Simulation {
  public:

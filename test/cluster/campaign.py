@@ -1,6 +1,7 @@
 """A study and an identification small enough for a test, how they are started on hosts, and what they leave."""
 
 import glob
+import json
 import os
 import re
 import signal
@@ -14,6 +15,12 @@ SCENARIO = """title: Small field
 field: {length_x_m: 3.0, length_y_m: 3.0, thickness_m: 0.6, jitter_ratio: 0.1}
 collector: {radius_m: 0.6}
 procedure: {settle_duration_s: 1.0, lift_speed_mps: 0.01, lift_duration_s: %s}
+solver: {threads: 1, active_set: false}
+"""
+RIG = """title: Small rig
+field: {length_x_m: 3.6, length_y_m: 3.6, thickness_m: 0.6, jitter_ratio: 0.1, seed: 99}
+collector: {radius_m: 0.9, rim_height_m: 0.2, displaced_volume_m3: 0.001, pole_radius_m: 0.02}
+procedure: {settle_duration_s: 2.0, lift_speed_mps: 0.15, lift_duration_s: %s, hold_duration_s: 0}
 solver: {threads: 1, active_set: false}
 """
 STUDY = """title: Small study
@@ -40,6 +47,23 @@ def prepare(directory, lift_s=60, study=STUDY):
 
 def study_command(out, *options):
     return [PROGRAM, "study", "study.yaml", "--out", out, "--no-report", *options]
+
+
+def prepare_record(directory, lift_s=3):
+    """A record of a run of our own, record.csv."""
+    write(os.path.join(directory, "rig.yaml"), RIG % lift_s)
+    run_alone(directory, [PROGRAM, "run", "rig.yaml", "--record", "record", "--out", "rig"])
+
+
+def identify_command(out, *options):
+    return [PROGRAM, "identify", "record.csv", "--out", out, "--no-report", *options]
+
+
+def findings(out):
+    """All that an identification finds; not how many runs this process made in which time."""
+    report = json.loads(read(os.path.join(out, "report.json")))
+    del report["runs"]["made"], report["runs"]["wall_s"]
+    return report, read(os.path.join(out, "overlay.yaml"))
 
 
 def run_alone(directory, command):

@@ -102,6 +102,14 @@ class ClusterTest(unittest.TestCase):
         self.assertLessEqual(at_work, 2)
         self.expect_the_same_results()
 
+    def test_an_identification_over_two_hosts_finds_the_same(self):
+        campaign.prepare_record(self.directory)
+        campaign.run_alone(self.directory, campaign.identify_command("identified_alone", "--screen"))
+        mpirun = self.mpirun(campaign.identify_command("out", "--screen"), "log.txt")
+        self.assertEqual(mpirun.wait(120), 0, self.text("log.txt"))
+        self.assertEqual(campaign.findings(self.out), campaign.findings(self.path("identified_alone")))
+        self.assertEqual(self.text("log.txt").count("/report.json"), 1, "one process writes it")
+
 
 def reason_to_skip():
     if shutil.which("mpirun") is None:

@@ -338,6 +338,18 @@ int identify(IdentifyOptions options, const std::vector<std::string>& records, c
   return runIdentify(options) ? kExitDone : kExitRunFailed;
 }
 
+void addSharing(CLI::App& command, bool& shared, double& lease_s) {
+  command.add_flag("--share", shared,
+                   "Let the same command, started on other computers, take a share (under mpirun always; the "
+                   "directory must be one that all see)");
+  command
+      .add_option("--lease", lease_s,
+                  "A process of which nothing has been seen for so long is taken for dead, and others make its runs "
+                  "again (default: 30)")
+      ->check(CLI::Range(3.0, 3600.0))
+      ->type_name("SECONDS");
+}
+
 int runProgram(int argc, char** argv) {
   CLI::App app("Brash-ice pull-up rig: simulates the test that a scenario describes, or a study of many.", "brash_ice");
   app.require_subcommand(1);
@@ -423,9 +435,10 @@ int runProgram(int argc, char** argv) {
       ->type_name("DIR");
   study_command
       ->add_option("--jobs", study_options.children,
-                   "Runs at a time (default: as many as the cores carry; under mpirun one per process)")
+                   "Runs at a time (default: as many as the cores carry; under mpirun one in each process)")
       ->check(CLI::Range(1, 1024))
       ->type_name("N");
+  addSharing(*study_command, study_options.shared, study_options.lease_s);
   study_command->add_flag("!--no-report", study_options.report, "Leave out report.html");
   study_command->add_flag("--repeat-failed", study_options.repeat_failed,
                           "Repeat the runs that ended with a non-finite state, too");
@@ -459,7 +472,7 @@ int runProgram(int argc, char** argv) {
       ->type_name("DIR");
   identify_command
       ->add_option("--jobs", identify_options.children,
-                   "Simulations at a time (default: one per core; under mpirun one per process)")
+                   "Simulations at a time (default: one per core; under mpirun one in each process)")
       ->check(CLI::Range(1, 1024))
       ->type_name("N");
   identify_command
@@ -470,6 +483,7 @@ int runProgram(int argc, char** argv) {
       ->type_name("PROGRAM");
   identify_command->add_flag("--screen", identify_options.input.screen_only,
                              "A quick look: rank by what each effect does to the baseline, confirm nothing");
+  addSharing(*identify_command, identify_options.shared, identify_options.lease_s);
   identify_command->add_flag("!--no-report", identify_options.report, "Leave out report.html");
 
   std::vector<std::string> files;

@@ -9,6 +9,7 @@
 
 #include "brash_ice_rig/config/config_error.h"
 #include "brash_ice_rig/config/number_check.h"
+#include "brash_ice_rig/math/repeatable.h"
 #include "brash_ice_rig/rig/crane_motion.h"
 #include "brash_ice_rig/rig/rig_commands.h"
 #include "brash_ice_rig/sph/kernel.h"
@@ -241,11 +242,11 @@ double iceDraft(const Scenario& scenario) {
 }
 
 double armLength(const CollectorConfig& collector) {
-  return std::hypot(collector.radius_m, collector.rim_height_m);
+  return std::sqrt(collector.radius_m * collector.radius_m + collector.rim_height_m * collector.rim_height_m);
 }
 
 double unfoldedArmAngle(const CollectorConfig& collector) {
-  return std::atan2(collector.rim_height_m, collector.radius_m);
+  return repeatable::asin(collector.rim_height_m / armLength(collector));
 }
 
 double startHubHeight(const Scenario& scenario) {
@@ -259,7 +260,7 @@ double startHubHeight(const Scenario& scenario) {
 double lowestHubHeight(const Scenario& scenario) {
   if (scenario.procedure.start == StartPose::kUnfoldedUnderIce) return startHubHeight(scenario);
   const CollectorConfig& collector = scenario.collector;
-  const double folded_height = armLength(collector) * std::sin(collector.folded_arm_angle_deg * kDegree);
+  const double folded_height = armLength(collector) * repeatable::sin(collector.folded_arm_angle_deg * kDegree);
   return -iceDraft(scenario) - folded_height - scenario.procedure.lower_clearance_m;
 }
 

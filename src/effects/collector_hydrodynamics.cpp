@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "brash_ice_rig/effects/effect.h"
+#include "brash_ice_rig/math/repeatable.h"
 #include "brash_ice_rig/rig/collector.h"
 
 namespace brash_ice_rig {
@@ -27,9 +28,9 @@ class CollectorHydrodynamics : public Effect {
         arm_length_(armLength(scenario.collector)) {}
 
   void addRigLoads(const RigNow& rig, RigLoads& loads) override {
-    const double reach = arm_length_ * std::cos(rig.arm_angle_rad);
-    const double rise = arm_length_ * std::sin(rig.arm_angle_rad);
-    const double octagon = 0.5 * kArmCount * std::sin(2.0 * kPi / kArmCount) * reach * reach;
+    const double reach = arm_length_ * repeatable::cos(rig.arm_angle_rad);
+    const double rise = arm_length_ * repeatable::sin(rig.arm_angle_rad);
+    const double octagon = 0.5 * kArmCount * repeatable::sin(2.0 * kPi / kArmCount) * reach * reach;
     const double net = solidity_ * octagon, arms = kArmCount * arm_width_ * reach;
     const double lowest = rig.hub_position_m.z() + std::min(rise, 0.0);
     const double submerged = std::clamp(-lowest / std::max(std::abs(rise), 1.0e-3), 0.0, 1.0);

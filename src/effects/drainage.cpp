@@ -3,6 +3,8 @@
 
 #include "brash_ice_rig/effects/effect.h"
 
+#include "brash_ice_rig/math/repeatable.h"
+
 namespace brash_ice_rig {
 namespace {
 
@@ -31,7 +33,7 @@ class Drainage : public Effect {
       taken_kg_.assign(count, 0.0);
       held_kg_.assign(count, 0.0);
     }
-    const double decay = std::exp(-ice.time_step_s / drain_time_);
+    const double decay = repeatable::exp(-ice.time_step_s / drain_time_);
     const double aged = ice.time_step_s / drain_time_;
     for (std::size_t i = 0; i < count; ++i) {
       const double dry = 1.0 - static_cast<double>(ice.water.submerged(static_cast<float>(ice.position_m[i].z())));

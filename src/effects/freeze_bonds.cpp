@@ -3,6 +3,8 @@
 
 #include "brash_ice_rig/effects/effect.h"
 
+#include "brash_ice_rig/math/repeatable.h"
+
 namespace brash_ice_rig {
 namespace {
 
@@ -20,7 +22,7 @@ class FreezeBonds : public Effect {
   void updateIce(const IceNow& ice, IceChanges& changes) override {
     for (std::size_t i = 0; i < ice.plastic_strain.size(); ++i) {
       const double slip = slip_per_strain_ * static_cast<double>(ice.plastic_strain[i]);
-      const double bonded = brittle_ ? (slip < 1.0 ? 1.0 : 0.0) : std::exp(-slip);
+      const double bonded = brittle_ ? (slip < 1.0 ? 1.0 : 0.0) : repeatable::exp(-slip);
       changes.strength_ratio[i] += static_cast<float>(strength_ratio_ * bonded);
     }
   }

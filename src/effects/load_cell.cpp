@@ -2,6 +2,8 @@
 
 #include "brash_ice_rig/effects/effect.h"
 
+#include "brash_ice_rig/math/repeatable.h"
+
 // Four errors of the sensor. Together they make of a force F(t) the signal (1 + scale) F_lagged(t) + drift t + bias.
 
 namespace brash_ice_rig {
@@ -16,7 +18,7 @@ class LoadCellLag : public Effect {
     if (lag_s_ == 0.0) return;
     Eigen::Map<Eigen::Vector3d> lagged(lagged_n_.data());
     // Exact response over the step to a force that stays constant in it.
-    const double share = started_ == 0.0 ? 1.0 : 1.0 - std::exp(-time_step_s / lag_s_);
+    const double share = started_ == 0.0 ? 1.0 : 1.0 - repeatable::exp(-time_step_s / lag_s_);
     lagged += share * (force_n - lagged);
     started_ = 1.0;
     force_n = lagged;

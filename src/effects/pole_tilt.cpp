@@ -4,6 +4,7 @@
 #include "brash_ice_rig/config/config_error.h"
 #include "brash_ice_rig/config/number_check.h"
 #include "brash_ice_rig/effects/effect.h"
+#include "brash_ice_rig/math/repeatable.h"
 
 namespace brash_ice_rig {
 namespace {
@@ -18,15 +19,15 @@ class PoleTilt : public Effect {
       : drift_(values["drift_mps"]),
         sway_(values["sway_m"]),
         frequency_(2.0 * kPi / values["sway_period_s"]),
-        direction_(std::cos(values["direction_deg"] * kPi / 180.0), std::sin(values["direction_deg"] * kPi / 180.0),
-                   0.0) {}
+        direction_(repeatable::cos(values["direction_deg"] * kPi / 180.0),
+                   repeatable::sin(values["direction_deg"] * kPi / 180.0), 0.0) {}
 
   void updateSuspension(const RigNow& rig, Suspension& suspension) override {
     const double angle = frequency_ * rig.time_s;
     Motion path;
-    path.position_m = (drift_ * rig.time_s + sway_ * std::sin(angle)) * direction_;
-    path.velocity_mps = (drift_ + sway_ * frequency_ * std::cos(angle)) * direction_;
-    path.acceleration_mps2 = -sway_ * frequency_ * frequency_ * std::sin(angle) * direction_;
+    path.position_m = (drift_ * rig.time_s + sway_ * repeatable::sin(angle)) * direction_;
+    path.velocity_mps = (drift_ + sway_ * frequency_ * repeatable::cos(angle)) * direction_;
+    path.acceleration_mps2 = -sway_ * frequency_ * frequency_ * repeatable::sin(angle) * direction_;
     suspension.point += fadeIn(path, rig.time_s);
   }
 

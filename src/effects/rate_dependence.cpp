@@ -3,6 +3,8 @@
 
 #include "brash_ice_rig/effects/effect.h"
 
+#include "brash_ice_rig/math/repeatable.h"
+
 namespace brash_ice_rig {
 namespace {
 
@@ -27,13 +29,13 @@ class RateDependence : public Effect {
       rate_.assign(count, 0.0);
       strain_ = ice.plastic_strain;
     }
-    const double share = -std::expm1(-ice.time_step_s / kRateMemoryS);
+    const double share = -repeatable::expm1(-ice.time_step_s / kRateMemoryS);
     for (std::size_t i = 0; i < count; ++i) {
       const double sheared = static_cast<double>(ice.plastic_strain[i]) - static_cast<double>(strain_[i]);
       strain_[i] = ice.plastic_strain[i];
       rate_[i] += share * (std::max(sheared, 0.0) / ice.time_step_s - rate_[i]);
       const double relative = rate_[i] / critical_;
-      const double growth = relative <= 1.0 ? std::pow(relative, exponent_) : relative;
+      const double growth = relative <= 1.0 ? repeatable::pow(relative, exponent_) : relative;
       changes.strength_ratio[i] *= static_cast<float>(1.0 + gain_ * growth);
     }
   }

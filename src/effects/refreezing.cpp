@@ -3,6 +3,8 @@
 
 #include "brash_ice_rig/effects/effect.h"
 
+#include "brash_ice_rig/math/repeatable.h"
+
 namespace brash_ice_rig {
 namespace {
 
@@ -29,14 +31,14 @@ class Refreezing : public Effect {
       rested_s_.assign(count, std::max(waiting_ + std::min(ice.time_s, 0.0), 0.0));
       strain_ = ice.plastic_strain;
       for (const Eigen::Vector3d& site : ice.site_m) {
-        reach_.push_back(growth_ratio_ * std::exp(-std::max(top_ - site.z(), 0.0) / depth_));
+        reach_.push_back(growth_ratio_ * repeatable::exp(-std::max(top_ - site.z(), 0.0) / depth_));
       }
     }
     for (std::size_t i = 0; i < count; ++i) {
       rested_s_[i] += ice.time_step_s;
       if (ice.plastic_strain[i] > strain_[i]) {
         const double sheared = static_cast<double>(ice.plastic_strain[i]) - static_cast<double>(strain_[i]);
-        rested_s_[i] *= std::exp(-2.0 * sheared / break_strain_);
+        rested_s_[i] *= repeatable::exp(-2.0 * sheared / break_strain_);
         strain_[i] = ice.plastic_strain[i];
       }
       changes.strength_ratio[i] += static_cast<float>(reach_[i] * std::sqrt(rested_s_[i] / kReferenceTimeS));

@@ -4,6 +4,8 @@
 
 #include "brash_ice_rig/effects/effect.h"
 
+#include "brash_ice_rig/math/repeatable.h"
+
 namespace brash_ice_rig {
 namespace {
 
@@ -26,9 +28,9 @@ class VesselHeave : public Effect {
     Motion swell;
     for (const Line& line : lines_) {
       const double angle = line.frequency * rig.time_s + line.phase;
-      swell.position_m.z() += line.amplitude * std::sin(angle);
-      swell.velocity_mps.z() += line.amplitude * line.frequency * std::cos(angle);
-      swell.acceleration_mps2.z() -= line.amplitude * line.frequency * line.frequency * std::sin(angle);
+      swell.position_m.z() += line.amplitude * repeatable::sin(angle);
+      swell.velocity_mps.z() += line.amplitude * line.frequency * repeatable::cos(angle);
+      swell.acceleration_mps2.z() -= line.amplitude * line.frequency * line.frequency * repeatable::sin(angle);
     }
     suspension.point += fadeIn(swell, rig.time_s);
   }

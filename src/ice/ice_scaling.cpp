@@ -3,6 +3,8 @@
 #include <cassert>
 #include <cmath>
 
+#include "brash_ice_rig/math/repeatable.h"
+
 namespace brash_ice_rig {
 
 double computeBrashElasticModulus(double parent_elastic_modulus_pa, double void_fraction) {
@@ -45,8 +47,8 @@ ShearSurface computeShearSurface(double cohesion_pa, double friction_angle_deg) 
   assert(cohesion_pa >= 0.0 && friction_angle_deg > 0.0 && friction_angle_deg < 90.0);
   constexpr double kRadiansPerDegree = 3.14159265358979323846 / 180.0;
   const double phi = friction_angle_deg * kRadiansPerDegree;
-  const double denominator = std::sqrt(3.0) * (3.0 - std::sin(phi));
-  return {6.0 * cohesion_pa * std::cos(phi) / denominator, 2.0 * std::sin(phi) / denominator};
+  const double denominator = std::sqrt(3.0) * (3.0 - repeatable::sin(phi));
+  return {6.0 * cohesion_pa * repeatable::cos(phi) / denominator, 2.0 * repeatable::sin(phi) / denominator};
 }
 
 }  // namespace brash_ice_rig

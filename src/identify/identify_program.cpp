@@ -1,14 +1,20 @@
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <optional>
+#include <thread>
 
 #include <nlohmann/json.hpp>
 
 #include "brash_ice_rig/identify/identification.h"
 #include "brash_ice_rig/output/directory_lock.h"
 #include "brash_ice_rig/output/output_file.h"
+#include "brash_ice_rig/study/claims.h"
+#include "brash_ice_rig/study/run_directory.h"
 #include "brash_ice_rig/system/child_process.h"
+#include "brash_ice_rig/system/launcher.h"
 #include "brash_ice_rig/version.h"
 
 namespace brash_ice_rig {
@@ -195,45 +201,81 @@ std::string toJson(const Identification& id, const Thresholds& t) {
   return json.dump(1) + "\n";
 }
 
-bool runIdentify(const IdentifyOptions& options) {
-  MessagePassing messages;
-  RunPoolOptions pool;
-  pool.stop = options.stop;
-  pool.children = options.children;
-  if (!options.simulator.empty()) pool.program = std::filesystem::absolute(options.simulator).string();
-  if (messages.rank() != 0) {
-    pool.children = std::max(1, options.children);
-    serveRuns(pool, messages);
-    return true;
-  }
-  if (pool.children == 0) pool.children = messages.size() > 1 ? 1 : coreCount();
-  makeDirectory(options.directory);
-  const DirectoryLock lock(options.directory);
-  const std::string directory = std::filesystem::absolute(options.directory).lexically_normal().string();
-  // They belong to another record or program; without them, nobody takes them for those of this one.
-  for (const char* name : {"/report.json", "/report.html", "/overlay.yaml"}) removeFile(directory + name);
-  Identification result;
-  const Thresholds thresholds = identificationThresholds();
-  try {
-    RunLibrary runs(options.cache.empty() ? directory + "/runs" : options.cache, pool, messages);
-    result = identify(options.input, runs, thresholds, Discrepancy());
-  } catch (const Interrupted&) {
-    messages.finish();
-    std::fprintf(stderr, "interrupted; the same command goes on where it was\n");
-    return false;
-  }
-  messages.finish();
-  replaceFile(directory + "/report.json", toJson(result, thresholds));
+namespace {
+
+/// What all processes that share an identification must have in common.
+std::string workOf(const IdentifyOptions& options, const std::string& simulator) {
+  std::string work = "identify";
+  const auto add = [&work](const char* what, const NamedRecord& record) {
+    work += std::string(" ") + what + std::filesystem::absolute(record.path).lexically_normal().string();
+  };
+  for (const NamedRecord& record : options.input.records) add("", record);
+  for (const NamedRecord& record : options.input.references) add("reference ", record);
+  if (options.input.holdout) add("holdout ", *options.input.holdout);
+  if (options.input.screen_only) work += " screen";
+  return work + ", " + programStamp("/proc/self/exe") + programStamp(simulator);
+}
+
+void writeResults(const IdentifyOptions& options, const std::string& directory, const Identification& result,
+                  const Thresholds& thresholds, Claims& claims) {
   replaceFile(directory + "/overlay.yaml", "# Verdict: " + std::string(verdictName(result.verdict)) +
                                                ". What makes the model of this record out of the default scenario.\n" +
                                                (result.overlay.empty() ? "{}\n" : result.overlay));
+  replaceFile(directory + "/report.json", toJson(result, thresholds));
   for (const std::string& sentence : result.summary) std::printf("%s\n", sentence.c_str());
   for (const NextExperiment& next : result.next_experiment) std::printf("Measure next: %s.\n", next.text.c_str());
   std::printf("%s/report.json\n%s/overlay.yaml\n", directory.c_str(), directory.c_str());
   std::fflush(stdout);
-  if (options.report && makeReport("identify_report", directory, options.stop)) {
+  const auto stop = [&] {
+    claims.renew();
+    return options.stop && options.stop();
+  };
+  if (options.report && makeReport("identify_report", directory, stop)) {
     std::printf("%s/report.html\n", directory.c_str());
   }
+}
+
+}  // namespace
+
+bool runIdentify(const IdentifyOptions& options) {
+  const LaunchedTogether together = launchedTogether();
+  RunPoolOptions pool;
+  pool.stop = options.stop;
+  pool.shared = options.shared || together.size > 1;
+  pool.lease_s = options.lease_s;
+  pool.children = options.children;
+  if (pool.children == 0) pool.children = together.size > 1 ? 1 : coreCount();
+  if (!options.simulator.empty()) pool.program = std::filesystem::absolute(options.simulator).string();
+  makeDirectory(options.directory);
+  const std::string directory = std::filesystem::absolute(options.directory).lexically_normal().string();
+  const auto tidyUp = [&] {
+    // They belong to another record or program; without them, nobody takes them for those of this one.
+    for (const char* name : {"/report.json", "/report.html", "/overlay.yaml"}) removeFile(directory + name);
+  };
+  std::optional<DirectoryLock> lock;
+  if (pool.shared) {
+    lock.emplace(directory, workOf(options, pool.program), tidyUp);
+  } else {
+    lock.emplace(directory);
+    tidyUp();
+  }
+  Identification result;
+  const Thresholds thresholds = identificationThresholds();
+  try {
+    RunLibrary runs(options.cache.empty() ? directory + "/runs" : options.cache, pool);
+    result = identify(options.input, runs, thresholds, Discrepancy());
+  } catch (const Interrupted&) {
+    std::fprintf(stderr, "interrupted; the same command goes on where it was\n");
+    return false;
+  }
+  // All have come to the same; one writes it. Should it die before its last file stands, the next one does.
+  Claims claims(pool.lease_s);
+  const auto stands = [&] { return pool.shared && std::filesystem::exists(directory + "/report.json"); };
+  while (!stands() && claims.claim(directory) == Claims::Answer::kBusy) {
+    if (options.stop && options.stop()) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  }
+  if (!stands()) writeResults(options, directory, result, thresholds, claims);
   return true;
 }
 

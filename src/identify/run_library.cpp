@@ -11,6 +11,7 @@
 #include "brash_ice_rig/config/scenario_reader.h"
 #include "brash_ice_rig/output/output_file.h"
 #include "brash_ice_rig/output/progress_line.h"
+#include "brash_ice_rig/study/claims.h"
 #include "brash_ice_rig/study/run_directory.h"
 
 namespace brash_ice_rig {
@@ -26,8 +27,8 @@ std::string hexadecimal(std::uint64_t value) {
 
 }  // namespace
 
-RunLibrary::RunLibrary(const std::string& directory, const RunPoolOptions& pool, MessagePassing& messages)
-    : directory_(std::filesystem::absolute(directory).lexically_normal().string()), pool_(pool), messages_(messages) {
+RunLibrary::RunLibrary(const std::string& directory, const RunPoolOptions& pool)
+    : directory_(std::filesystem::absolute(directory).lexically_normal().string()), pool_(pool) {
   makeDirectory(directory_);
   makeDirectory(directory_ + "/motions");
 }
@@ -38,7 +39,12 @@ std::string RunLibrary::motionFile(const HoistPath& path) {
     text += formatNumber(path.time_s[i]) + "," + formatNumber(path.height_m[i]) + "\n";
   }
   const std::string file = directory_ + "/motions/" + hexadecimal(fnv1a(text)) + ".csv";
-  replaceFile(file, text);
+  // Processes that share the directory write it at the same time, others read it already.
+  if (!std::filesystem::exists(file)) {
+    const std::string draft = file + "." + Claims(pool_.lease_s).name();
+    replaceFile(draft, text);
+    std::filesystem::rename(draft, file);
+  }
   return file;
 }
 
@@ -68,7 +74,7 @@ void RunLibrary::makeMissing(const std::string& what) {
              std::to_string(waiting_.size() - to_make) + " of them made before");
   auto shown = start;
   pool_.changed = [&](std::size_t run) {
-    if (statuses[run].state == RunState::kRunning) return;
+    if (statuses[run].state == RunState::kRunning || statuses[run].state == RunState::kWaiting) return;
     ++finished;
     // On a terminal the line is kept up to date; elsewhere every tenth run is news enough.
     if (!line.onTerminal() && (finished % 10 == 0 || finished == to_make)) line.print(tell());
@@ -78,7 +84,7 @@ void RunLibrary::makeMissing(const std::string& what) {
     shown = WallClock::now();
     line.show(tell());
   };
-  makeRuns(waiting_, pool_, messages_, statuses);
+  makeRuns(waiting_, pool_, statuses);
   line.end();
   made_ += finished;
   for (std::size_t i = 0; i < waiting_.size(); ++i) {

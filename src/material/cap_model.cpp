@@ -10,6 +10,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "brash_ice_rig/ice/ice_scaling.h"
+#include "brash_ice_rig/math/repeatable.h"
 
 namespace brash_ice_rig {
 
@@ -53,9 +54,9 @@ double lodeFactor(double sin_3_beta) {
     return (std::sqrt(linear * linear - 4.0 * kExtension * constant) - linear) / (2.0 * kExtension);
   }();
   static const double b = (2.0 * kTorsion + a) * (2.0 * kTorsion + a) - 3.0;
-  const double beta = std::asin(std::clamp(sin_3_beta, -1.0, 1.0)) / 3.0;
-  const double sine = std::sin(beta);
-  const double skewed = std::cos(beta) - a * sine;
+  const double beta = repeatable::asin(std::clamp(sin_3_beta, -1.0, 1.0)) / 3.0;
+  const double sine = repeatable::sin(beta);
+  const double skewed = repeatable::cos(beta) - a * sine;
   const double quadratic = skewed * skewed + b * sine * sine;
   const double linear = a * skewed;
   const double constant = -0.25 * (3.0 + b - a * a);
@@ -67,7 +68,8 @@ double largestPrincipal(const double* c) {
   Eigen::Matrix3d tensor;
   tensor << c[0], c[3], c[5], c[3], c[1], c[4], c[5], c[4], c[2];
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver;
-  solver.computeDirect(tensor, Eigen::EigenvaluesOnly);
+  // Not computeDirect(), which calls the C library's cosine.
+  solver.compute(tensor, Eigen::EigenvaluesOnly);
   return solver.eigenvalues()[2];
 }
 
@@ -209,7 +211,7 @@ CapModel::Cap CapModel::capAt(double compaction) const {
   if (compaction >= tangent_onset_) {
     return capWithIntercept(onset_.intercept + onset_.hardening * (compaction - tangent_onset_), onset_.hardening);
   }
-  const double logarithm = -std::log(1.0 - compaction / p.max_compaction);
+  const double logarithm = -repeatable::log(1.0 - compaction / p.max_compaction);
   const double root = std::sqrt(p.d1_per_pa * p.d1_per_pa + 4.0 * p.d2_per_pa2 * logarithm);
   return capWithIntercept(p.initial_intercept_pa + 2.0 * logarithm / (p.d1_per_pa + root),
                           1.0 / ((p.max_compaction - compaction) * root));

@@ -4,18 +4,20 @@
 #include <cassert>
 #include <cmath>
 
+#include "brash_ice_rig/math/repeatable.h"
+
 namespace brash_ice_rig {
 namespace {
 
 /// (1 + B) ln(1 + B) / B, which is the integral of 1 - d over A y from 0 to infinity.
 double integralOfIntegrity(double shape) {
-  return (1.0 + shape) * std::log1p(shape) / shape;
+  return (1.0 + shape) * repeatable::log1p(shape) / shape;
 }
 
 /// -Li2(-x), the integral of ln(1 + t) / t from 0 to x, by Simpson's rule in u = ln(1 + t), which is smooth.
 double minusDilogarithmOfMinus(double x) {
-  const double end = std::log1p(x);
-  const auto integrand = [](double u) { return u > 0.0 ? u / -std::expm1(-u) : 1.0; };
+  const double end = repeatable::log1p(x);
+  const auto integrand = [](double u) { return u > 0.0 ? u / -repeatable::expm1(-u) : 1.0; };
   constexpr int kIntervals = 200;
   const double width = end / kIntervals;
   double sum = integrand(0.0) + integrand(end);
@@ -64,7 +66,7 @@ double Softening::brittleRate(double threshold, double fracture_energy_jpm2) con
 }
 
 double Softening::damage(double rate_times_y, double shape) {
-  const double e = std::exp(-rate_times_y);
+  const double e = repeatable::exp(-rate_times_y);
   return (1.0 - e) / (1.0 + shape * e);
 }
 

@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 
+#include "brash_ice_rig/math/repeatable.h"
+
 namespace brash_ice_rig {
 namespace {
 
@@ -30,8 +32,9 @@ double Collector::armAngle() const {
 
 Eigen::Vector3d armTipOffset(const CollectorConfig& config, double arm_angle_rad, int arm) {
   const double azimuth = kSector * arm;
-  const double reach = armLength(config) * std::cos(arm_angle_rad);
-  return {reach * std::cos(azimuth), reach * std::sin(azimuth), armLength(config) * std::sin(arm_angle_rad)};
+  const double reach = armLength(config) * repeatable::cos(arm_angle_rad);
+  return {reach * repeatable::cos(azimuth), reach * repeatable::sin(azimuth),
+          armLength(config) * repeatable::sin(arm_angle_rad)};
 }
 
 Eigen::Vector3d Collector::armTip(int arm) const {
@@ -68,16 +71,16 @@ void Collector::updateGeometry() {
   const double angle = armAngle();
   const double half_sector = 0.5 * kSector;
   // Middle of the rim edge between the tips at azimuths -half_sector and +half_sector.
-  const double x = arm_length_ * std::cos(angle) * std::cos(half_sector);
-  const double z = arm_length_ * std::sin(angle);
-  const double half_edge = arm_length_ * std::cos(angle) * std::sin(half_sector);
-  slant_m_ = std::hypot(x, z);
+  const double x = arm_length_ * repeatable::cos(angle) * repeatable::cos(half_sector);
+  const double z = arm_length_ * repeatable::sin(angle);
+  const double half_edge = arm_length_ * repeatable::cos(angle) * repeatable::sin(half_sector);
+  slant_m_ = std::sqrt(x * x + z * z);
   half_width_ = half_edge / slant_m_;
   slope_cos_ = x / slant_m_;
   slope_sin_ = z / slant_m_;
-  middle_turn_x_ = -arm_length_ * std::sin(angle) * std::cos(half_sector);
-  middle_turn_z_ = arm_length_ * std::cos(angle);
-  edge_turn_ = -arm_length_ * std::sin(angle) * std::sin(half_sector);
+  middle_turn_x_ = -arm_length_ * repeatable::sin(angle) * repeatable::cos(half_sector);
+  middle_turn_z_ = arm_length_ * repeatable::cos(angle);
+  edge_turn_ = -arm_length_ * repeatable::sin(angle) * repeatable::sin(half_sector);
 }
 
 NetPoint Collector::nearestNetPoint(const Eigen::Vector3d& offset_m) const {
@@ -85,7 +88,7 @@ NetPoint Collector::nearestNetPoint(const Eigen::Vector3d& offset_m) const {
   static const auto kMiddle = [] {
     std::array<Eigen::Vector2d, kArmCount> middle;
     for (int k = 0; k < kArmCount; ++k) {
-      middle[static_cast<std::size_t>(k)] << std::cos((k + 0.5) * kSector), std::sin((k + 0.5) * kSector);
+      middle[static_cast<std::size_t>(k)] << repeatable::cos((k + 0.5) * kSector), repeatable::sin((k + 0.5) * kSector);
     }
     return middle;
   }();
@@ -125,7 +128,7 @@ double Collector::weight() const {
 }
 
 double Collector::buoyancy(double hub_height_m, double water_density_kgpm3) const {
-  const double tip = arm_length_ * std::sin(armAngle());  // over the hub; below it where the arms droop
+  const double tip = arm_length_ * repeatable::sin(armAngle());  // over the hub; below it where the arms droop
   const double lowest = hub_height_m + std::min(tip, 0.0);
   const double collector_share = std::clamp(-lowest / std::max(std::abs(tip), 1.0e-3), 0.0, 1.0);
   const double pole_depth = std::clamp(-hub_height_m, 0.0, config_.pole_length_m);

@@ -4,11 +4,13 @@
 #include <cassert>
 #include <cmath>
 
+#include "brash_ice_rig/math/repeatable.h"
+
 namespace brash_ice_rig {
 
 double frictionCoefficient(const ContactConfig& config, double sliding_mps) {
   return config.friction_dynamic +
-         (config.friction_static - config.friction_dynamic) * std::exp(-config.friction_decay_spm * sliding_mps);
+         (config.friction_static - config.friction_dynamic) * repeatable::exp(-config.friction_decay_spm * sliding_mps);
 }
 
 RigContact::RigContact(const ContactConfig& config, const CollectorConfig& collector, double bulk_modulus_pa,

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "brash_ice_rig/config/number_check.h"
+#include "brash_ice_rig/math/repeatable.h"
 
 namespace brash_ice_rig {
 namespace {
@@ -38,13 +39,13 @@ void LoadCell::step(double time_step_s, const Eigen::Vector3d& force_n) {
     return;
   }
   // Exact response over the step to a force that stays constant in it; stable for any lag.
-  lagged_ += (1.0 - std::exp(-time_step_s / config_.lag_s)) * (force_n - lagged_);
+  lagged_ += (1.0 - repeatable::exp(-time_step_s / config_.lag_s)) * (force_n - lagged_);
 }
 
 void LoadCell::sample() {
   for (Eigen::Index axis = 0; axis < 3; ++axis) {
     double value = lagged_[axis] + config_.bias_n;
-    if (config_.noise_n > 0.0) value += config_.noise_n * noise_(generator_);
+    if (config_.noise_n > 0.0) value += config_.noise_n * repeatable::normal(generator_);
     // Not by dividing: the quotient overflows for a tiny resolution.
     if (config_.resolution_n > 0.0) value -= std::remainder(value, config_.resolution_n);
     reading_[axis] = value - tare_[axis];
@@ -59,13 +60,13 @@ void LoadCell::visitState(StateVisitor& visitor) {
   // The only form in which the library hands out the state of its generators; it is exact.
   std::stringstream stream;
   stream.imbue(std::locale::classic());
-  stream << generator_ << ' ' << noise_;
+  stream << generator_;
   std::string text = stream.str();
   visitor("generator", text);
   if (visitor.loading()) {
     stream.clear();
     stream.str(text);
-    if (!(stream >> generator_ >> noise_)) visitor.refuse("the state of the load cell's noise cannot be read");
+    if (!(stream >> generator_)) visitor.refuse("the state of the load cell's noise cannot be read");
   }
   visitor("noise_n", config_.noise_n);
   visitor("resolution_n", config_.resolution_n);

@@ -5,6 +5,8 @@
 #include <limits>
 #include <utility>
 
+#include "brash_ice_rig/math/repeatable.h"
+
 namespace brash_ice_rig {
 namespace {
 
@@ -108,7 +110,7 @@ std::vector<Eigen::Vector3d> outlineOf(const std::vector<Eigen::Vector2d>& centr
   for (const Eigen::Vector2d& centre : centres_m) {
     for (int corner = 0; corner < kCorners; ++corner) {
       const double angle = 2.0 * kPi * corner / kCorners;
-      points.emplace_back(centre + 0.5 * spacing_m * Eigen::Vector2d(std::cos(angle), std::sin(angle)));
+      points.emplace_back(centre + 0.5 * spacing_m * Eigen::Vector2d(repeatable::cos(angle), repeatable::sin(angle)));
     }
   }
   return subdivide(convexHull(std::move(points)), spacing_m);

@@ -5,6 +5,7 @@
 
 #include <omp.h>
 
+#include "brash_ice_rig/math/repeatable.h"
 #include "brash_ice_rig/sph/kernel.h"
 #include "brash_ice_rig/system/hash.h"
 
@@ -75,7 +76,10 @@ SphBody::SphBody(const SphSettings& settings, const Material& material, const st
   smoothing_length_.assign(count, settings.smoothing_length_m);
   double farthest = settings.smoothing_length_m;
   for (const Eigen::Vector3d& position : position_m) farthest = std::max(farthest, position.cwiseAbs().maxCoeff());
-  site_unit_m_ = std::exp2(std::ceil(std::log2(kSiteRange * farthest)) - 30.0);
+  // The power of two at or above the range, by 2^-30.
+  int exponent = 0;
+  const double fraction = std::frexp(kSiteRange * farthest, &exponent);
+  site_unit_m_ = std::ldexp(1.0, (fraction > 0.5 ? exponent : exponent - 1) - 30);
   site_.resize(count);
   for (std::size_t i = 0; i < count; ++i) setSite(i);
 }
@@ -412,7 +416,7 @@ void SphBody::checkLoaded(const StateVisitor& visitor) const {
   }
   // Memory for neighbours is planned for ice as dense as its lattice. Volumes keep it from becoming many times denser.
   constexpr double kDensest = 8.0;
-  const double sites = std::ceil(cell_size / std::cbrt(settings_.particle_volume_m3));
+  const double sites = std::ceil(cell_size / repeatable::cbrt(settings_.particle_volume_m3));
   const auto most = static_cast<std::size_t>(kDensest * sites * sites * sites);
   std::sort(cells.begin(), cells.end());
   for (std::size_t i = most; i < cells.size(); ++i) {

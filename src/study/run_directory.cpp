@@ -83,10 +83,8 @@ EarlierRun findEarlierRun(const std::string& directory, const Scenario& scenario
 void prepareRun(const std::string& directory, const std::string& scenario_yaml, const std::string& stamp) {
   makeDirectory(directory);
   // First: with a summary the new scenario would count as done.
-  const std::string summary = directory + "/summary.json";
-  std::error_code error;
-  std::filesystem::remove(summary, error);
-  if (error) throw OutputError(summary, error.message());
+  removeFile(directory + "/summary.json");
+  removeFile(directory + "/failure.txt");
   const auto put = [&directory](const char* name, const std::string& text) {
     OutputFile file(directory + "/" + name, OutputFile::Mode::kReplace);
     file.write(text);

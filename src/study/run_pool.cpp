@@ -1,11 +1,14 @@
 #include "brash_ice_rig/study/run_pool.h"
 
+#include <algorithm>
 #include <cassert>
 #include <cerrno>
 #include <chrono>
 #include <csignal>
 #include <deque>
 #include <exception>
+#include <fstream>
+#include <iterator>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -17,14 +20,21 @@
 #include <unistd.h>
 
 #include "brash_ice_rig/config/scenario_reader.h"
+#include "brash_ice_rig/output/output_file.h"
+#include "brash_ice_rig/study/claims.h"
 #include "brash_ice_rig/study/run_directory.h"
 #include "brash_ice_rig/system/child_process.h"
 
 namespace brash_ice_rig {
 namespace {
 
+using WallClock = std::chrono::steady_clock;
+
 /// Long for a program that looks at its watch, short for people, nothing for the cores.
 constexpr std::chrono::milliseconds kPollInterval{20};
+
+/// Between looks at what other processes have at work.
+constexpr std::chrono::milliseconds kLookInterval{1000};
 
 /// What a child gets to end by itself before it is killed.
 constexpr std::chrono::seconds kGrace{10};
@@ -51,7 +61,7 @@ class Lifeline {
 };
 
 RunStatus failed(const std::string& why) {
-  return {RunState::kFailed, why, false};
+  return {RunState::kFailed, why, false, false};
 }
 
 /// What became of a run, from how its child ended and what it left.
@@ -62,7 +72,7 @@ RunStatus outcome(const std::string& directory, const ChildEnd& end) {
   } catch (const std::exception& error) {
     if (end.success()) return failed(error.what());
   }
-  if (end.success()) return {RunState::kDone, "", false};
+  if (end.success()) return {RunState::kDone, "", false, false};
   // With a summary the program itself knows best: interrupted, or the world froze.
   if (!status.empty()) return failed(status);
   const std::string last = lastLogLine(directory);
@@ -92,8 +102,6 @@ class Children {
     setup.arguments = {"run", directory + "/scenario.yaml", "--out", directory, "--stop-when-stdin-closes"};
     setup.log_file = directory + "/log.txt";
     setup.standard_input = lifeline_.outlet();
-    // To the child it must look as if it had been started by hand.
-    setup.hidden_variables = {"OMPI_", "PMIX_", "PRTE_", "PMI_"};
     try {
       prepareRun(directory, scenario_yaml, stamp_);
       running_.push_back({job, directory, std::make_unique<ChildProcess>(setup)});
@@ -115,6 +123,17 @@ class Children {
       child = running_.erase(child);
     }
     return results;
+  }
+
+  /// Kills the run in a directory. @return its job; empty if none is at work there
+  std::optional<std::size_t> abandon(const std::string& directory) {
+    for (auto child = running_.begin(); child != running_.end(); ++child) {
+      if (child->directory != directory) continue;
+      const std::size_t job = child->job;
+      running_.erase(child);
+      return job;
+    }
+    return std::nullopt;
   }
 
   /// Ends all; they leave a summary that says so.
@@ -146,64 +165,144 @@ bool wantsStop(const RunPoolOptions& options) {
   return options.stop && options.stop();
 }
 
-// ---- messages: a first word, then parts, one a line; the last part may have many lines
-
-// From the others to rank 0.
-constexpr const char* kRequest = "request";  // stamp of the program
-constexpr const char* kResult = "result";    // job, 1 done or 0 failed, note
-constexpr const char* kStopped = "stopped";  // asked from outside to end
-// From rank 0.
-constexpr const char* kRun = "run";  // job, directory, scenario
-
-/// Cuts off the first line.
-std::string takeLine(std::string& text) {
-  const auto end = text.find('\n');
-  std::string line = text.substr(0, end);
-  text.erase(0, end == std::string::npos ? end : end + 1);
-  return line;
-}
-
-/// Rank 0's view of the other processes.
-class OtherProcesses {
+/// The jobs that are not done yet, of which other processes may make some at the same time.
+class SharedJobs {
  public:
-  OtherProcesses(MessagePassing& messages, std::string stamp) : messages_(messages), stamp_(std::move(stamp)) {}
-
-  bool hasRoom() const { return !idle_.empty(); }
-  bool stopped() const { return stopped_; }
-
-  void start(std::size_t job, const RunJob& run) {
-    messages_.send(idle_.front(),
-                   std::string(kRun) + "\n" + std::to_string(job) + "\n" + run.directory + "\n" + toYaml(run.scenario));
-    idle_.pop_front();
+  SharedJobs(const std::vector<RunJob>& jobs, const RunPoolOptions& options, std::vector<RunStatus>& statuses)
+      : jobs_(jobs),
+        options_(options),
+        statuses_(statuses),
+        claims_(options.lease_s),
+        children_(options),
+        old_failures_(jobs.size()) {
+    for (std::size_t job = 0; job < jobs.size(); ++job) {
+      if (statuses[job].state != RunState::kWaiting) continue;
+      waiting_.push_back(job);
+      old_failures_[job] = failureIn(job);
+    }
+    // Many processes need not all ask for the same directory first.
+    if (options.shared && !waiting_.empty()) {
+      const auto first = static_cast<std::ptrdiff_t>(fnv1a(claims_.name()) % waiting_.size());
+      std::rotate(waiting_.begin(), waiting_.begin() + first, waiting_.end());
+    }
   }
 
-  /// Reads what has come; results since the last call.
-  std::vector<Children::Result> collect() {
-    std::vector<Children::Result> results;
-    while (std::optional<MessagePassing::Message> message = messages_.receive()) {
-      std::string& text = message->text;
-      const std::string word = takeLine(text);
-      if (word == kRequest) {
-        if (text != stamp_) {
-          throw std::runtime_error("process " + std::to_string(message->from) + " of MPI is another program: " + text);
-        }
-        idle_.push_back(message->from);
-      } else if (word == kResult) {
-        const std::size_t job = std::stoul(takeLine(text));
-        const bool done = takeLine(text) == "1";
-        results.push_back({job, done ? RunStatus{RunState::kDone, "", false} : failed(text)});
-      } else if (word == kStopped) {
-        stopped_ = true;
-      }
+  bool finished() const { return waiting_.empty() && elsewhere_.empty() && children_.empty(); }
+
+  /// Books what has ended and starts what there is room for.
+  void update() {
+    for (const Children::Result& result : children_.collect()) bookOwn(result);
+    for (const std::string& directory : claims_.renew()) {
+      if (const auto job = children_.abandon(directory)) giveUp(*job);
     }
-    return results;
+    if (!elsewhere_.empty() && WallClock::now() - looked_ > kLookInterval) {
+      looked_ = WallClock::now();
+      waiting_.insert(waiting_.end(), elsewhere_.begin(), elsewhere_.end());
+      elsewhere_.clear();
+    }
+    while (!waiting_.empty() && children_.hasRoom() && !wantsStop(options_)) {
+      const std::size_t job = waiting_.front();
+      waiting_.pop_front();
+      tryToStart(job);
+      claims_.renew();
+    }
+  }
+
+  /// Ends what is at work here. A Ctrl-C reaches the children, too: that they did not finish is no failure.
+  void stop() {
+    for (const Children::Result& result : children_.collect()) {
+      if (result.status.state == RunState::kDone) bookOwn(result);
+    }
+    children_.stop();
+    for (RunStatus& status : statuses_) {
+      if (status.state == RunState::kRunning) status.state = RunState::kWaiting;
+    }
   }
 
  private:
-  MessagePassing& messages_;
-  std::string stamp_;
-  std::deque<int> idle_;  ///< one entry per run that a process could take
-  bool stopped_ = false;
+  void changeTo(std::size_t job, const RunStatus& status) {
+    statuses_[job] = status;
+    options_.changed(job);
+  }
+
+  /// Whoever has taken this job over makes it from its beginning.
+  void giveUp(std::size_t job) {
+    changeTo(job, {RunState::kWaiting, "", false, false});
+    elsewhere_.push_back(job);
+  }
+
+  std::string failurePath(std::size_t job) const { return jobs_[job].directory + "/failure.txt"; }
+
+  std::string failureIn(std::size_t job) const {
+    std::ifstream in(failurePath(job));
+    return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  }
+
+  void bookOwn(const Children::Result& result) {
+    if (result.status.state == RunState::kFailed) {
+      // The name makes it another text than that of an earlier failure. Where it cannot be written, others try, too.
+      try {
+        replaceFile(failurePath(result.job), claims_.name() + "\n" + result.status.note + "\n");
+      } catch (const OutputError&) {
+      }
+    }
+    if (claims_.release(jobs_[result.job].directory)) {
+      changeTo(result.job, result.status);
+    } else {
+      giveUp(result.job);
+    }
+  }
+
+  /// What another process has made of a job since we began; empty if nothing.
+  std::optional<RunStatus> resultFromElsewhere(std::size_t job) const {
+    const RunJob& run = jobs_[job];
+    const EarlierRun found = findEarlierRun(run.directory, run.scenario, children_.stamp());
+    const std::string failure = failureIn(job);
+    if (!failure.empty() && failure != old_failures_[job]) {
+      const auto note = failure.find('\n') + 1;
+      return RunStatus{RunState::kFailed, failure.substr(note, failure.find_last_not_of('\n') + 1 - note), false, true};
+    }
+    if (found.state == EarlierRun::State::kDone) return RunStatus{RunState::kDone, "", false, true};
+    return std::nullopt;
+  }
+
+  void tryToStart(std::size_t job) {
+    const std::string& directory = jobs_[job].directory;
+    try {
+      makeDirectory(directory);
+      if (!Claims::isClaimed(directory)) {
+        if (const auto result = resultFromElsewhere(job)) return changeTo(job, *result);
+      }
+      const Claims::Answer answer = claims_.claim(directory);
+      if (answer == Claims::Answer::kBusy) return elsewhere_.push_back(job);
+      // It may have been finished between the look and the claim.
+      if (answer == Claims::Answer::kMine) {
+        if (const auto result = resultFromElsewhere(job)) {
+          claims_.release(directory);
+          return changeTo(job, *result);
+        }
+      }
+      // Its last owner may not be as dead as it seemed: these it would go on to write in place.
+      if (answer == Claims::Answer::kInherited) {
+        for (const char* name : {"/force.csv", "/plug.csv"}) removeFile(directory + name);
+      }
+      changeTo(job, {RunState::kRunning, "", false, false});
+      children_.start(job, directory, toYaml(jobs_[job].scenario));
+    } catch (const std::exception& error) {
+      claims_.release(directory);
+      changeTo(job, failed(error.what()));
+    }
+  }
+
+  const std::vector<RunJob>& jobs_;
+  const RunPoolOptions& options_;
+  std::vector<RunStatus>& statuses_;
+  Claims claims_;  // given back when the children have ended
+  Children children_;
+  std::vector<std::string> old_failures_;  ///< what the failure file held when we began
+  std::deque<std::size_t> waiting_;        ///< to be asked for
+  std::deque<std::size_t> elsewhere_;      ///< others were at work there at our last look
+  WallClock::time_point looked_ = WallClock::now();
 };
 
 }  // namespace
@@ -216,12 +315,17 @@ std::vector<RunStatus> findEarlierRuns(const std::vector<RunJob>& jobs, const st
     const EarlierRun earlier = findEarlierRun(job.directory, job.scenario, stamp);
     RunStatus status;
     status.note = earlier.note;
-    if (earlier.state == EarlierRun::State::kDone) status = {RunState::kDone, "", true};
+    if (earlier.state != EarlierRun::State::kNone && Claims::isClaimed(job.directory)) {
+      status.note = "it did not get to its end";
+      statuses.push_back(std::move(status));
+      continue;
+    }
+    if (earlier.state == EarlierRun::State::kDone) status = {RunState::kDone, "", true, false};
     if (earlier.state == EarlierRun::State::kNotFinite) {
       if (repeat_failed) {
         status.note = "it failed";
       } else {
-        status = {RunState::kFailed, earlier.note, true};
+        status = {RunState::kFailed, earlier.note, true, false};
       }
     }
     statuses.push_back(std::move(status));
@@ -229,89 +333,14 @@ std::vector<RunStatus> findEarlierRuns(const std::vector<RunJob>& jobs, const st
   return statuses;
 }
 
-void makeRuns(const std::vector<RunJob>& jobs, const RunPoolOptions& options, MessagePassing& messages,
-              std::vector<RunStatus>& statuses) {
+void makeRuns(const std::vector<RunJob>& jobs, const RunPoolOptions& options, std::vector<RunStatus>& statuses) {
   assert(statuses.size() == jobs.size());
-  Children children(options);
-  OtherProcesses others(messages, children.stamp());
-  std::deque<std::size_t> waiting;
-  for (std::size_t job = 0; job < jobs.size(); ++job) {
-    if (statuses[job].state == RunState::kWaiting) waiting.push_back(job);
-  }
-  std::size_t unfinished = waiting.size();
-  const auto book = [&](const Children::Result& result) {
-    statuses[result.job] = result.status;
-    --unfinished;
-    options.changed(result.job);
-  };
-  const auto takeNext = [&] {
-    const std::size_t job = waiting.front();
-    waiting.pop_front();
-    statuses[job].state = RunState::kRunning;
-    options.changed(job);
-    return job;
-  };
-  while (unfinished > 0) {
-    std::vector<Children::Result> results = children.collect();
-    for (Children::Result& result : others.collect()) results.push_back(std::move(result));
-    if (wantsStop(options) || others.stopped()) {
-      // A Ctrl-C reaches the children, too: that they did not finish is no failure.
-      for (const Children::Result& result : results) {
-        if (result.status.state == RunState::kDone) book(result);
-      }
-      children.stop();
-      for (RunStatus& status : statuses) {
-        if (status.state == RunState::kRunning) status.state = RunState::kWaiting;
-      }
-      return;
-    }
-    for (const Children::Result& result : results) book(result);
-    while (!waiting.empty() && children.hasRoom()) {
-      const std::size_t job = takeNext();
-      children.start(job, jobs[job].directory, toYaml(jobs[job].scenario));
-    }
-    while (!waiting.empty() && others.hasRoom()) {
-      const std::size_t job = takeNext();
-      others.start(job, jobs[job]);
-    }
-    options.tick();
-    std::this_thread::sleep_for(kPollInterval);
-  }
-}
-
-void serveRuns(const RunPoolOptions& options, MessagePassing& messages) {
-  Children children(options);
-  int requests = 0;  // without an answer yet, and runs that go on
-  bool stopped = false;
+  SharedJobs shared(jobs, options, statuses);
   while (true) {
-    while (std::optional<MessagePassing::Message> message = messages.receive()) {
-      std::string& text = message->text;
-      const std::string word = takeLine(text);
-      if (word == MessagePassing::kStop) {
-        children.stop();
-        return;
-      }
-      if (word != kRun || stopped) continue;
-      const std::size_t job = std::stoul(takeLine(text));
-      const std::string directory = takeLine(text);
-      children.start(job, directory, text);
-    }
-    const std::vector<Children::Result> results = children.collect();
-    if (!stopped && wantsStop(options)) {
-      stopped = true;
-      messages.send(0, kStopped);
-      children.stop();
-    }
-    for (const Children::Result& result : results) {
-      if (stopped) break;
-      const bool done = result.status.state == RunState::kDone;
-      messages.send(0, std::string(kResult) + "\n" + std::to_string(result.job) + "\n" + (done ? "1" : "0") + "\n" +
-                           result.status.note);
-      --requests;
-    }
-    for (; !stopped && requests < options.children; ++requests) {
-      messages.send(0, std::string(kRequest) + "\n" + children.stamp());
-    }
+    if (wantsStop(options)) return shared.stop();
+    shared.update();
+    if (shared.finished()) return;
+    options.tick();
     std::this_thread::sleep_for(kPollInterval);
   }
 }

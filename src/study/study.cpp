@@ -1,25 +1,29 @@
 #include "brash_ice_rig/study/study.h"
 
 #include <algorithm>
-#include <cerrno>
 #include <chrono>
+#include <cinttypes>
 #include <cmath>
-#include <csignal>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <map>
 #include <optional>
-#include <stdexcept>
-#include <system_error>
+#include <thread>
 #include <vector>
 
+#include "brash_ice_rig/config/scenario_reader.h"
 #include "brash_ice_rig/output/directory_lock.h"
 #include "brash_ice_rig/output/output_file.h"
 #include "brash_ice_rig/output/progress_line.h"
+#include "brash_ice_rig/study/claims.h"
 #include "brash_ice_rig/study/results.h"
+#include "brash_ice_rig/study/run_directory.h"
 #include "brash_ice_rig/study/run_pool.h"
 #include "brash_ice_rig/study/study_file.h"
 #include "brash_ice_rig/system/child_process.h"
+#include "brash_ice_rig/system/launcher.h"
 
 namespace brash_ice_rig {
 namespace {
@@ -61,6 +65,8 @@ class StudyProgress {
       started_[run] = WallClock::now();
       return;
     }
+    // Whoever made it tells, and knows how long it took.
+    if (statuses_[run].elsewhere || statuses_[run].state == RunState::kWaiting) return;
     const double wall_s = std::chrono::duration<double>(WallClock::now() - started_[run]).count();
     ++made_;
     made_wall_s_ += wall_s;
@@ -129,40 +135,35 @@ int defaultChildren(const Study& study) {
   return std::max(1, coreCount() / mostThreads(study));
 }
 
-/// The part of rank 0.
-bool lead(const StudyOptions& options, RunPoolOptions& pool, MessagePassing& messages) {
-  const Study study = readStudy(options.file);
-  const std::string directory = std::filesystem::absolute(options.directory).lexically_normal().string();
-  makeDirectory(directory);
-  const DirectoryLock lock(directory);
-  // They belong to the study as it was; without them, nobody takes them for those of this one.
-  for (const char* name : {"/results.csv", "/report.html"}) removeFile(directory + name);
-  replaceFile(directory + "/study.yaml", toYaml(study));
+/// What all processes that share a study must have in common: the program and every run.
+std::string workOf(const Study& study, const std::string& program) {
+  std::string all = toYaml(study);
+  for (const StudyRun& run : study.runs) all += toYaml(run.scenario);
+  char hash[20];
+  std::snprintf(hash, sizeof hash, "%016" PRIx64, fnv1a(all));
+  return "study " + std::string(hash) + ", " + programStamp(program);
+}
 
-  std::vector<RunJob> jobs;
-  for (const StudyRun& run : study.runs) jobs.push_back({directory + "/" + runDirectory(study, run), run.scenario});
-  if (pool.children == 0) pool.children = messages.size() > 1 ? 1 : defaultChildren(study);
-  if (messages.size() > 1 && pool.children * mostThreads(study) > coreCount()) {
-    std::fprintf(stderr, "each process of MPI is bound to %d core(s), too few for its runs: mpirun --bind-to none\n",
-                 coreCount());
-  }
-  std::vector<RunStatus> statuses = findEarlierRuns(jobs, pool.program, options.repeat_failed);
-  StudyProgress progress(study, statuses, pool.children * messages.size());
-  progress.announce();
-  pool.changed = [&progress](std::size_t run) { progress.changed(run); };
-  pool.tick = [&progress] { progress.tick(); };
-  makeRuns(jobs, pool, messages, statuses);
-  progress.end();
-  // The other processes need not wait for the report.
-  messages.finish();
+std::string textOf(const std::string& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+}
 
-  if (progress.finished() < jobs.size()) {
-    std::fprintf(stderr, "interrupted: %zu of %zu runs are made; the same command makes the rest\n",
-                 progress.finished(), jobs.size());
-    return false;
+/// Writes results.csv and the report, or leaves that to another process that shares the study.
+/// @return whether all is as it should be, as far as this process has to tell
+bool finish(const StudyOptions& options, bool shared, const Study& study, const std::vector<RunJob>& jobs,
+            const std::string& directory, const std::vector<RunStatus>& statuses) {
+  const std::string table = resultsCsv(study, directory, statuses), path = directory + "/results.csv";
+  // Should whoever is at it die before the table stands, the next one begins.
+  Claims claims(options.lease_s);
+  while (claims.claim(directory) == Claims::Answer::kBusy) {
+    if (shared && textOf(path) == table) return true;
+    if (options.stop && options.stop()) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
   }
-  replaceFile(directory + "/results.csv", resultsCsv(study, directory, statuses));
-  std::printf("%s/study.yaml\n%s/results.csv\n", directory.c_str(), directory.c_str());
+  if (shared && textOf(path) == table) return true;
+  replaceFile(path, table);
+  std::printf("%s/study.yaml\n%s\n", directory.c_str(), path.c_str());
   std::fflush(stdout);
   bool all_done = true;
   for (std::size_t i = 0; i < jobs.size(); ++i) {
@@ -171,7 +172,11 @@ bool lead(const StudyOptions& options, RunPoolOptions& pool, MessagePassing& mes
     std::fprintf(stderr, "failed%s: %s: %s\n", statuses[i].earlier ? " before (--repeat-failed runs it again)" : "",
                  jobs[i].directory.c_str(), statuses[i].note.c_str());
   }
-  if (options.report && !makeReport("study_report", directory, options.stop)) {
+  const auto stop = [&] {
+    claims.renew();
+    return options.stop && options.stop();
+  };
+  if (options.report && !makeReport("study_report", directory, stop)) {
     std::fprintf(stderr, "the figures are in results.csv\n");
   }
   return all_done;
@@ -180,14 +185,49 @@ bool lead(const StudyOptions& options, RunPoolOptions& pool, MessagePassing& mes
 }  // namespace
 
 bool runStudy(const StudyOptions& options) {
-  MessagePassing messages;
+  const Study study = readStudy(options.file);
+  const LaunchedTogether together = launchedTogether();
   RunPoolOptions pool;
-  pool.children = options.children;
   pool.stop = options.stop;
-  if (messages.rank() == 0) return lead(options, pool, messages);
-  pool.children = std::max(1, options.children);
-  serveRuns(pool, messages);
-  return true;
+  pool.shared = options.shared || together.size > 1;
+  pool.lease_s = options.lease_s;
+  pool.children = options.children;
+  if (pool.children == 0) pool.children = together.size > 1 ? 1 : defaultChildren(study);
+  const std::string directory = std::filesystem::absolute(options.directory).lexically_normal().string();
+  makeDirectory(directory);
+  const auto tidyUp = [&] {
+    // They belong to the study as it was; without them, nobody takes them for those of this one.
+    for (const char* name : {"/results.csv", "/report.html"}) removeFile(directory + name);
+    replaceFile(directory + "/study.yaml", toYaml(study));
+  };
+  std::optional<DirectoryLock> lock;
+  if (pool.shared) {
+    lock.emplace(directory, workOf(study, pool.program), tidyUp);
+  } else {
+    lock.emplace(directory);
+    tidyUp();
+  }
+
+  std::vector<RunJob> jobs;
+  for (const StudyRun& run : study.runs) jobs.push_back({directory + "/" + runDirectory(study, run), run.scenario});
+  if (together.size > 1 && pool.children * mostThreads(study) > coreCount()) {
+    std::fprintf(stderr, "this process is bound to %d core(s), too few for its runs: mpirun --bind-to none\n",
+                 coreCount());
+  }
+  std::vector<RunStatus> statuses = findEarlierRuns(jobs, pool.program, options.repeat_failed);
+  StudyProgress progress(study, statuses, pool.children * together.size);
+  if (together.rank == 0) progress.announce();
+  pool.changed = [&progress](std::size_t run) { progress.changed(run); };
+  pool.tick = [&progress] { progress.tick(); };
+  makeRuns(jobs, pool, statuses);
+  progress.end();
+
+  if (progress.finished() < jobs.size()) {
+    std::fprintf(stderr, "interrupted: %zu of %zu runs are made; the same command makes the rest\n",
+                 progress.finished(), jobs.size());
+    return false;
+  }
+  return finish(options, pool.shared, study, jobs, directory, statuses);
 }
 
 }  // namespace brash_ice_rig

@@ -15,6 +15,7 @@
 #include "brash_ice_rig/config/number_check.h"
 #include "brash_ice_rig/config/scenario_reader.h"
 #include "brash_ice_rig/config/yaml_document.h"
+#include "brash_ice_rig/math/repeatable.h"
 #include "brash_ice_rig/version.h"
 
 namespace brash_ice_rig {
@@ -145,10 +146,11 @@ struct SampledKey {
   double min, max;
   bool log_scale;
 
-  /// @param share  0 .. 1 of the way from min to max. Six digits: a longer number would depend on the library's log().
+  /// @param share  0 .. 1 of the way from min to max. To six digits.
   double at(double share) const {
     const double exact =
-        log_scale ? std::exp(std::log(min) + share * (std::log(max) - std::log(min))) : min + share * (max - min);
+        log_scale ? repeatable::exp(repeatable::log(min) + share * (repeatable::log(max) - repeatable::log(min)))
+                  : min + share * (max - min);
     std::ostringstream text;
     text.imbue(std::locale::classic());
     text.precision(6);

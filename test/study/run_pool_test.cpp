@@ -5,17 +5,20 @@
 
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <set>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <gtest/gtest.h>
 
 #include "brash_ice_rig/config/scenario_reader.h"
 #include "brash_ice_rig/output/output_file.h"
+#include "brash_ice_rig/study/claims.h"
 #include "brash_ice_rig/study/results.h"
 #include "brash_ice_rig/study/run_directory.h"
 #include "study_directory.h"
@@ -44,8 +47,7 @@ class RunPoolTest : public ::testing::Test {
 
   std::vector<RunStatus> make(const std::vector<RunJob>& all, RunPoolOptions options) {
     std::vector<RunStatus> statuses = findEarlierRuns(all, options.program, false);
-    MessagePassing messages;
-    makeRuns(all, options, messages, statuses);
+    makeRuns(all, options, statuses);
     return statuses;
   }
 
@@ -139,19 +141,6 @@ TEST_F(RunPoolTest, StopEndsTheChildrenAndLeavesTheRestWaiting) {
   EXPECT_FALSE(std::filesystem::exists(all[2].directory));
 }
 
-TEST_F(RunPoolTest, ChildrenSeeNothingOfMpi) {
-  setenv("OMPI_COMM_WORLD_RANK_TEST", "1", 1);
-  setenv("PMIX_TEST", "1", 1);
-  setenv("KEPT_TEST", "1", 1);
-  const std::string program = putProgram(std::string("env\n") + kLeaveResults);
-  make(jobs(1), optionsFor(program));
-  const std::string environment = readFile(directory_.file("run_0/log.txt"));
-  for (const char* name : {"OMPI_COMM_WORLD_RANK_TEST", "PMIX_TEST", "KEPT_TEST"}) unsetenv(name);
-  EXPECT_EQ(environment.find("OMPI_"), std::string::npos) << environment;
-  EXPECT_EQ(environment.find("PMIX_"), std::string::npos) << environment;
-  EXPECT_NE(environment.find("KEPT_TEST=1"), std::string::npos) << environment;
-}
-
 // ---- resuming
 
 TEST_F(RunPoolTest, FinishedRunsAreNotMadeAgain) {
@@ -218,6 +207,86 @@ TEST_F(RunPoolTest, AFrozenWorldIsNotRepeatedUnlessAsked) {
   // Other warnings are none of failure.
   directory_.put("run_0/summary.json", "{\"status\": \"fold_jammed: looks non_finite: but is not\"}");
   EXPECT_EQ(again(Scenario{}, program).state, RunState::kDone);
+}
+
+// ---- sharing
+
+/// Counts lines of a file that each run adds one to.
+std::string counting(const TemporaryDirectory& directory) {
+  return "echo once >> '" + directory.file("count") + "'\n";
+}
+
+TEST_F(RunPoolTest, ProcessesThatShareMakeEachRunOnceAndAllSeeTheEnd) {
+  const std::string program = putProgram(counting(directory_) + "sleep 0.05\n" + kLeaveResults);
+  RunPoolOptions options = optionsFor(program);
+  options.shared = true;
+  const std::vector<RunJob> all = jobs(12);
+  std::vector<std::vector<RunStatus>> results(3);
+  std::vector<std::thread> pools;
+  for (auto& result : results) pools.emplace_back([&] { result = make(all, options); });
+  for (std::thread& pool : pools) pool.join();
+  const std::string count = readFile(directory_.file("count"));
+  EXPECT_EQ(std::count(count.begin(), count.end(), '\n'), 12);
+  for (std::size_t job = 0; job < all.size(); ++job) {
+    int made = 0;
+    for (const auto& result : results) {
+      EXPECT_EQ(result[job].state, RunState::kDone);
+      made += result[job].elsewhere || result[job].earlier ? 0 : 1;
+    }
+    EXPECT_EQ(made, 1);
+    EXPECT_FALSE(Claims::isClaimed(all[job].directory));
+  }
+}
+
+TEST_F(RunPoolTest, AFailureElsewhereCountsForThoseAtWorkAndIsTriedAgainLater) {
+  const std::string program = putProgram(counting(directory_) + "sleep 0.2; echo no luck; exit 3\n");
+  RunPoolOptions options = optionsFor(program);
+  options.shared = true;
+  const std::vector<RunJob> all = jobs(1);
+  std::vector<std::vector<RunStatus>> results(2);
+  std::vector<std::thread> pools;
+  for (auto& result : results) pools.emplace_back([&] { result = make(all, options); });
+  for (std::thread& pool : pools) pool.join();
+  EXPECT_EQ(readFile(directory_.file("count")), "once\n");
+  for (const auto& result : results) {
+    EXPECT_EQ(result[0].state, RunState::kFailed);
+    EXPECT_EQ(result[0].note, "exit code 3, last line of its log: no luck");
+  }
+  EXPECT_EQ(again(Scenario{}, program).state, RunState::kWaiting);
+  EXPECT_EQ(make(all, options)[0].state, RunState::kFailed);
+  EXPECT_EQ(readFile(directory_.file("count")), "once\nonce\n");
+}
+
+TEST_F(RunPoolTest, ARunWhoseProcessDiedIsMadeAgainEvenWithASummary) {
+  const std::string program = putProgram(counting(directory_) + kLeaveResults);
+  const std::vector<RunJob> all = jobs(1);
+  make(all, optionsFor(program));
+  // Of a kernel that has been shut down since; no sign of life will come.
+  directory_.put("run_0/claim.1", "host,0,1,1 other_kernel 1 1 0000000.300 0000000001\n");
+  EXPECT_EQ(again(Scenario{}, program).state, RunState::kWaiting);
+  EXPECT_EQ(again(Scenario{}, program).note, "it did not get to its end");
+  const std::vector<RunStatus> statuses = make(all, optionsFor(program));
+  EXPECT_EQ(statuses[0].state, RunState::kDone);
+  EXPECT_EQ(readFile(directory_.file("count")), "once\nonce\n");
+  EXPECT_FALSE(Claims::isClaimed(all[0].directory));
+}
+
+TEST_F(RunPoolTest, WhoeverHasBeenTakenForDeadLeavesItsRunToTheNewOwner) {
+  const std::string started = directory_.file("started");
+  const std::string program =
+      putProgram("if mkdir '" + started + "' 2>/dev/null; then exec sleep 600; fi\n" + kLeaveResults);
+  RunPoolOptions options = optionsFor(program);
+  options.lease_s = 0.6;
+  const std::vector<RunJob> all = jobs(1);
+  bool taken_over = false;
+  options.tick = [&] {
+    if (taken_over || !std::filesystem::exists(started)) return;
+    taken_over = true;
+    directory_.put("run_0/claim.2", "host,0,1,1 other_kernel 1 1 0000000.600 0000000001\n");
+  };
+  // The new owner dies as well, so that the run comes back and is made in the end.
+  EXPECT_EQ(make(all, options)[0].state, RunState::kDone);
+  EXPECT_TRUE(taken_over);
 }
 
 TEST_F(RunPoolTest, ANewAttemptRemovesTheOldSummaryBeforeItWritesTheNewScenario) {

@@ -229,8 +229,7 @@ TEST_F(StudyProgramTest, RunsDoNotOutliveAStudyThatIsKilled) {
   EXPECT_TRUE(waitUntil([this] { return statusOf("a") == "interrupted" && statusOf("b") == "interrupted"; }));
 }
 
-TEST_F(StudyProgramTest, MpiGivesTheSameTableBitForBit) {
-#ifdef BRASH_ICE_HAVE_MPI
+TEST_F(StudyProgramTest, ProcessesUnderMpirunGiveTheSameTableBitForBit) {
   if (runShell("command -v mpirun").exit_code != 0) GTEST_SKIP() << "mpirun is not installed (package openmpi-bin)";
   directory_.putStudy(std::string(kGrid) + "figures: [{kind: force}]\n");
   ASSERT_EQ(program("study study.yaml --out alone --no-report").exit_code, 0);
@@ -238,23 +237,41 @@ TEST_F(StudyProgramTest, MpiGivesTheSameTableBitForBit) {
   const std::string mpirun = "mpirun --allow-run-as-root --oversubscribe -n 2 '" BRASH_ICE_PROGRAM "' ";
   const Outcome spread = shell(mpirun + "study study.yaml --out spread --no-report");
   ASSERT_EQ(spread.exit_code, 0) << spread.text;
-  EXPECT_TRUE(contains(spread.text, "4 runs, 0 of them made before, 2 at a time")) << spread.text;
-  EXPECT_EQ(count(spread.text, " done in "), 4) << "only the first process reports\n" << spread.text;
+  EXPECT_EQ(count(spread.text, "4 runs, "), 1) << "only the first process announces\n" << spread.text;
+  EXPECT_EQ(count(spread.text, " done in "), 4) << "each run is made once\n" << spread.text;
+  EXPECT_EQ(count(spread.text, "results.csv"), 1) << "one process writes the table\n" << spread.text;
   EXPECT_EQ(read("spread/results.csv"), read("alone/results.csv"));
   EXPECT_EQ(read("spread/study.yaml"), read("alone/study.yaml"));
-  // So it goes on from what was made without MPI, and where there is nothing left to do.
+  // So it goes on from what was made by one process, and where there is nothing left to do.
   const Outcome resumed = shell(mpirun + "study study.yaml --out alone --no-report");
   EXPECT_EQ(resumed.exit_code, 0) << resumed.text;
-  EXPECT_TRUE(contains(resumed.text, "4 runs, 4 of them made before")) << resumed.text;
+  EXPECT_EQ(read("spread/results.csv"), read("alone/results.csv"));
+  EXPECT_EQ(count(resumed.text, " done in "), 0) << resumed.text;
   // Bad input ends all processes, with the same exit code.
   EXPECT_EQ(shell(mpirun + "study missing.yaml --out none --no-report").exit_code, 2);
-#else
-  const Outcome outcome =
-      program("--version >/dev/null; OMPI_COMM_WORLD_SIZE=2 '" BRASH_ICE_PROGRAM "' study study.yaml");
-  EXPECT_EQ(outcome.exit_code, 1);
-  EXPECT_TRUE(contains(outcome.text, "built without MPI")) << outcome.text;
-  GTEST_SKIP() << "built without MPI (package libopenmpi-dev)";
-#endif
+}
+
+TEST_F(StudyProgramTest, OnlyTheSameCommandMayShareAndOnlyWhereItIsSaid) {
+  directory_.putStudy(
+      "cases: [{name: a, settings: {procedure.lift_speed_mps: 0.0001, procedure.lift_duration_s: 3600, "
+      "load_cell.rate_hz: 10}}]\n");
+  const std::string share = " --out out --no-report --share --jobs 1";
+  ASSERT_EQ(
+      shell("{ '" BRASH_ICE_PROGRAM "' study study.yaml" + share + " > first.txt 2>&1 & echo $! > pid; }").exit_code,
+      0);
+  ASSERT_TRUE(waitUntil([this] { return isUnderWay("a"); }));
+  const Outcome alone = program("study study.yaml --out out --no-report");
+  EXPECT_EQ(alone.exit_code, 1);
+  EXPECT_TRUE(contains(alone.text, "another program is at work there")) << alone.text;
+  directory_.putStudy("cases: [{name: a}]\n", "other.yaml");
+  const Outcome other = program("study other.yaml" + share);
+  EXPECT_EQ(other.exit_code, 1);
+  EXPECT_TRUE(contains(other.text, "on something else or without --share")) << other.text;
+  ASSERT_EQ(shell("kill $(cat pid)").exit_code, 0);
+  EXPECT_TRUE(waitUntil([this] { return contains(read("first.txt"), "interrupted: 0 of 1 runs"); }));
+  for (const char* lease : {"2", "4000", "long"}) {
+    EXPECT_EQ(program("study other.yaml --out out --share --lease " + std::string(lease)).exit_code, 2) << lease;
+  }
 }
 
 }  // namespace

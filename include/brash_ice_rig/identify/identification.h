@@ -129,15 +129,18 @@ std::string toJson(const Identification& identification, const Thresholds& thres
 
 struct IdentifyOptions {
   IdentifyInput input;
-  std::string directory;       ///< for the results
-  std::string cache;           ///< for the runs; empty: directory/runs
-  int children = 0;            ///< runs at a time; 0: one per core
-  std::string simulator;       ///< brash_ice that makes the runs; empty: the running one
-  bool report = true;          ///< make report.html in the end
-  std::function<bool()> stop;  ///< says true when all is to end
+  std::string directory;            ///< for the results
+  std::string cache;                ///< for the runs; empty: directory/runs
+  int children = 0;                 ///< runs at a time; 0: one per core, under mpirun one in each process
+  bool shared = false;              ///< other processes may make the same identification; under mpirun always
+  double lease_s = kDefaultLeaseS;  ///< see RunPoolOptions
+  std::string simulator;            ///< brash_ice that makes the runs; empty: the running one
+  bool report = true;               ///< make report.html in the end
+  std::function<bool()> stop;       ///< says true when all is to end
 };
 
-/// Identifies and leaves report.json, overlay.yaml, report.html. Under mpirun every process calls this.
+/// Identifies and leaves report.json, overlay.yaml, report.html. Processes that share an identification all call this:
+/// each computes all of it but for the runs, of which each makes some, and the first that is ready writes the files.
 /// @return false after an interruption
 bool runIdentify(const IdentifyOptions& options);
 

@@ -8,7 +8,6 @@
 
 #include "brash_ice_rig/config/scenario.h"
 #include "brash_ice_rig/identify/observation.h"
-#include "brash_ice_rig/study/message_passing.h"
 #include "brash_ice_rig/study/run_pool.h"
 
 namespace brash_ice_rig {
@@ -17,13 +16,13 @@ namespace brash_ice_rig {
 struct Interrupted {};
 
 /// Runs of `brash_ice`, each made once and kept: a directory per scenario, named by the hash of its content. Shared by
-/// all records whose hoist went the same way.
+/// all records whose hoist went the same way, and by all processes that use the directory at the same time.
 class RunLibrary {
  public:
   /// @param directory  of the runs; made if missing
   /// @param pool       how runs are made; its callbacks are replaced
   /// @throws OutputError
-  RunLibrary(const std::string& directory, const RunPoolOptions& pool, MessagePassing& messages);
+  RunLibrary(const std::string& directory, const RunPoolOptions& pool);
 
   /// Keeps a way of the hoist for procedure.motion_file. @return its path
   std::string motionFile(const HoistPath& path);
@@ -34,7 +33,6 @@ class RunLibrary {
   /// Makes what has been requested and is not there yet; tells on stderr how far it is.
   /// @param what  for the progress line
   /// @throws Interrupted after a stop; the same program goes on where it was
-  /// @throws std::runtime_error if the processes of MPI are different programs
   void makeMissing(const std::string& what);
 
   /// The world froze in this run: such parameters cannot be simulated.
@@ -49,7 +47,6 @@ class RunLibrary {
  private:
   std::string directory_;
   RunPoolOptions pool_;
-  MessagePassing& messages_;
   std::map<std::string, bool> keys_;  ///< true: made
   std::vector<RunJob> waiting_;
   std::vector<std::string> waiting_keys_;

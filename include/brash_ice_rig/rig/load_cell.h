@@ -46,7 +46,6 @@ class LoadCell {
  private:
   LoadCellConfig config_;
   std::mt19937_64 generator_;
-  std::normal_distribution<double> noise_;
   bool started_ = false;
   Eigen::Vector3d lagged_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d reading_ = Eigen::Vector3d::Zero();

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "brash_ice_rig/math/repeatable.h"
+
 namespace brash_ice_rig {
 
 /// Cubic B-spline in three dimensions (Monaghan 1992). Support 2 h.
@@ -40,7 +42,7 @@ struct CubicSpline {
 /// Source: LS-DYNA Keyword User's Manual, *CONTROL_SPH (DERIV = 0) and *SECTION_SPH (HMIN = 0.2, HMAX = 2), the
 /// defaults that section 4 of the paper ran with.
 inline double smoothingGrowth(double volume_ratio) {
-  return std::min(std::max(std::cbrt(volume_ratio), 0.2), 2.0);
+  return std::min(std::max(repeatable::cbrt(volume_ratio), 0.2), 2.0);
 }
 
 }  // namespace brash_ice_rig

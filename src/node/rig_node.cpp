@@ -213,8 +213,12 @@ RigNode::Answer RigNode::onCheckpointFile(const std::string& name,
     return {false, "file must be the plain name of a file in " + options_.checkpoint_dir +
                        ": no slash, no dot at the beginning, at most 200 characters"};
   }
+  const std::string path = options_.checkpoint_dir + "/" + file;
+  std::error_code no_file_yet;
+  if (std::filesystem::is_symlink(path, no_file_yet))
+    return {false, path + ": is a link; files elsewhere are not touched"};
   try {
-    return work(options_.checkpoint_dir + "/" + file);
+    return work(path);
   } catch (const std::exception& error) {
     ROS_ERROR("%s", error.what());
     return {false, error.what()};

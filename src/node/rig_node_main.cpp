@@ -6,6 +6,7 @@
 
 #include <ros/ros.h>
 
+#include "brash_ice_rig/node/loopback.h"
 #include "brash_ice_rig/node/master_watch.h"
 #include "brash_ice_rig/node/node_options.h"
 #include "brash_ice_rig/node/rig_node.h"
@@ -17,6 +18,7 @@ int main(int argc, char** argv) {
   ros::init(argc, argv, "rig_node");
   try {
     ros::NodeHandle node, private_node("~");
+    fenceToLoopback();
     std::unique_ptr<RigNode> rig;
     try {
       rig = std::make_unique<RigNode>(readNodeOptions(private_node), node, private_node);

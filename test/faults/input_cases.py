@@ -72,7 +72,7 @@ def refused(context, name, command, words):
 def case_overlong_names(context):
     name, path = "n" * 300, "/".join(["d" * 200] * 30)
     yaml = context.path("long.yaml")
-    write_text(yaml, "title: " + "t" * 3_000_000 + "\n")
+    write_text(yaml, "title: " + "t" * 20_000_000 + "\n")
     commands = {"output name": (["run", SMALL, "--out", context.path(name)], ["File name too long"]),
                 "output path": (["run", SMALL, "--out", context.path(path)], ["File name too long"]),
                 "scenario": (["run", name + ".yaml"], ["File name too long", "cannot be read"]),
@@ -80,7 +80,7 @@ def case_overlong_names(context):
                 "key": (["run", SMALL, "--set", "k" * 100_000 + "=1"], ["unknown key", "must"]),
                 "value": (["run", SMALL, "--set", "field.spacing_m=" + "9" * 100_000], ["must"]),
                 "motion file": (["run", SMALL, "--set", "procedure.motion_file=" + path], ["cannot be read", "long"]),
-                "file of 3 MB": (["check", yaml], ["must", "larger", "too"]),
+                "file of 20 MB": (["check", yaml], ["at most", "larger", "too"]),
                 "record": (["check", path + ".csv"], ["cannot be read", "File name too long"]),
                 "resume": (["run", "--resume", path], ["File name too long", "cannot be read"])}
     for what, (command, words) in commands.items():

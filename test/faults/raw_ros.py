@@ -65,8 +65,8 @@ class Master:
         self.start()
 
     def environment(self, **changes):
-        return self.context.environment(ROS_MASTER_URI=self.uri, ROS_HOSTNAME="localhost",
-                                        ROS_LOG_DIR=self.context.path("ros_log"), **changes)
+        return self.context.environment(**{"ROS_MASTER_URI": self.uri, "ROS_HOSTNAME": "localhost",
+                                           "ROS_LOG_DIR": self.context.path("ros_log"), **changes})
 
     def start(self):
         if not os.path.exists("/usr/bin/rosmaster"):

@@ -8,7 +8,7 @@ import time
 
 from campaign import ROOT, Broken, NotTried, case, last_time, require, summary, wait_until, write_text
 from kill_cases import LONGER
-from raw_ros import Master, Publisher, Rig, free_port
+from raw_ros import Master, Publisher, Rig, free_port, listening_addresses
 
 FAKETIME = "/usr/lib/{}/faketime/libfaketimeMT.so.1"
 SAMPLE_S = 0.01
@@ -335,3 +335,21 @@ def case_port_in_use(context):
         require(code == 2, f"exit code {code}: {text[-300:]}")
         require(f"port {port}" in text, f"the port is not named: {text[-300:]}")
     return 1, "`scripts/run` ends with exit code 2 and names the port"
+
+
+@case("who can reach the node with ROS_HOSTNAME=localhost, and without", quick=True)
+def case_loopback(context):
+    if not os.path.exists("/usr/bin/ss") and not os.path.exists("/bin/ss"):
+        raise NotTried("needs ss (iproute2)")
+    master = start_master(context)
+    fenced = Rig(master, "fenced").wait_until_up()
+    open_node = Rig(master, "open", log="open.txt", environment={"ROS_HOSTNAME": "", "ROS_IP": ""}).wait_until_up()
+    for what, process in (("master", master.process), ("node", fenced.process)):
+        addresses = listening_addresses(process.pid)
+        require(addresses, f"no socket of the {what} was found")
+        outside = [f"{address}:{port}" for address, port in addresses
+                   if address not in ("127.0.0.1", "[::1]") and not address.endswith("%lo")]
+        require(not outside, f"the {what} listens on {', '.join(outside)}")
+    require(any(address in ("0.0.0.0", "*", "[::]") for address, _ in listening_addresses(open_node.process.pid)),
+            "without ROS_HOSTNAME the node should be open: is this test blind?")
+    return 2, "with it, master and node listen on the loopback interface only, XML-RPC included; without, on all"

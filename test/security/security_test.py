@@ -4,6 +4,7 @@ that a shell would run. Environment: BRASH_ICE_PROGRAM."""
 
 import ast
 import glob
+import json
 import os
 import re
 import subprocess
@@ -132,6 +133,41 @@ class Sources(unittest.TestCase):
                 self.assertNotIn("value", prefix)
                 for argument in re.findall(r"arg\('(\w+)'\)|\$\(arg (\w+)\)", prefix):
                     self.assertEqual("".join(argument), "debug", path)
+
+
+def load_launch_file(name, environment):
+    """Environment of each node of a launch file, as roslaunch reads it in a process of its own."""
+    script = ("import json, sys, roslaunch.config, roslaunch.xmlloader\n"
+              "config = roslaunch.config.ROSLaunchConfig()\n"
+              "roslaunch.xmlloader.XmlLoader(resolve_anon=False).load(sys.argv[1], config, argv=[], verbose=False)\n"
+              "print(json.dumps({node.name: dict(node.env_args) for node in config.nodes}))\n")
+    devel = os.path.dirname(os.path.dirname(os.path.dirname(PROGRAM)))
+    base = {name: value for name, value in os.environ.items() if name not in ("ROS_HOSTNAME", "ROS_IP", "ROS_MASTER_URI")}
+    base.update(ROS_PACKAGE_PATH=SOURCE_DIR + ":/usr/share", CMAKE_PREFIX_PATH=devel + ":/usr")
+    with tempfile.TemporaryDirectory() as home:
+        outcome = subprocess.run(["/usr/bin/python3", "-c", script, os.path.join(SOURCE_DIR, "launch", name)],
+                                 env={**base, "HOME": home, **environment}, capture_output=True, text=True, check=False)
+    if outcome.returncode != 0:
+        raise AssertionError(outcome.stderr)
+    return json.loads(outcome.stdout.strip().splitlines()[-1])
+
+
+@unittest.skipUnless(os.path.exists(os.path.join(os.path.dirname(PROGRAM), "rig_node")), "built without ROS")
+class Launch(unittest.TestCase):
+    FILES = ("pull_up.launch", "record.launch", "replay.launch", "teleop.launch")
+
+    def test_nodes_are_for_this_computer_only_unless_the_user_says_otherwise(self):
+        for name in self.FILES:
+            for environment in ({}, {"ROS_MASTER_URI": "http://localhost:11999"}):
+                nodes = load_launch_file(name, environment)
+                self.assertTrue(nodes, name)
+                for node, variables in nodes.items():
+                    self.assertEqual(variables.get("ROS_HOSTNAME"), "localhost", f"{name}: {node}")
+
+    def test_a_user_who_names_an_address_or_another_master_is_obeyed(self):
+        for environment in ({"ROS_IP": "10.0.0.1"}, {"ROS_HOSTNAME": "rig"}, {"ROS_MASTER_URI": "http://rig:11311"}):
+            for node, variables in load_launch_file("pull_up.launch", environment).items():
+                self.assertNotIn("ROS_HOSTNAME", variables, f"{node} with {environment}")
 
 
 class Names(unittest.TestCase):

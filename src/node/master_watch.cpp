@@ -48,6 +48,7 @@ void tellPublishers(const std::string& own_uri, const std::string& topic, const 
 
 MasterWatch::MasterWatch(ros::NodeHandle& node, std::vector<std::string> parameters)
     : parameters_(std::move(parameters)) {
+  look();  // what is lost within the next two seconds could not be told any more
   timer_ = node.createWallTimer(ros::WallDuration(kIntervalS), [this](const ros::WallTimerEvent&) { look(); });
 }
 

@@ -137,7 +137,8 @@ def case_master_restart(context):
     health.watch(3.0)
     require("does not answer any more" in rig.process.log(), "the node does not say that the master is gone")
     master.start()
-    require(wait_until(lambda: master.publishers("/load_cell/wrench"), 10.0), "the node does not register anew")
+    require(wait_until(lambda: master.publishers("/load_cell/wrench"), 30.0), "the node does not register anew: "
+            + rig.process.log()[-500:])
     health.watch(0.5)
     # Whoever comes now finds the rig as before.
     require(master.call("getParam", "/use_sim_time") is True, "use_sim_time is gone")

@@ -516,13 +516,14 @@ TEST(SphBody, AVolumeThatHalvesWithinAStepIsCaught) {
   for (const double shrinks : {0.45, 0.6}) {
     const auto points = block(5, 5, 5, 0.0);
     Body body(points);
-    constexpr double kTimeStep = 1.0e-3;
+    constexpr double kTimeStep = 0.05;
     for (std::size_t i = 0; i < points.size(); ++i) {
       body.sph.setVelocity(i, -shrinks / 3.0 / kTimeStep * (points[i] - points[62]));
     }
     body.sph.updateGradients();
-    body.sph.updateStress(0.0);  // so that no force matters
-    body.step(kTimeStep);
+    body.sph.updateStress(kTimeStep);
+    // So short that forces do not matter.
+    body.sph.updateMotion(1.0e-12, 0.0, [](std::size_t) { return Eigen::Vector4f(Eigen::Vector4f::Zero()); });
     const bool sound = shrinks < SphBody::kLargestVolumeGrowth;
     EXPECT_EQ(body.sph.sound(), sound) << shrinks;
     if (!sound) {

@@ -34,6 +34,29 @@ use_localhost() {
   fi
 }
 
+# What answers on the master's port must be a master: roslaunch would wait for another program without end.
+require_master_or_free_port() {
+  local uri=${ROS_MASTER_URI:-http://localhost:11311}
+  if ! python3 - "$uri" <<'PYTHON'; then
+import socket, sys, urllib.parse, xmlrpc.client
+uri = urllib.parse.urlparse(sys.argv[1])
+try:
+    socket.create_connection((uri.hostname, uri.port or 80), 3.0).close()
+except OSError:
+    sys.exit(0)  # nobody is there
+socket.setdefaulttimeout(5.0)
+try:
+    xmlrpc.client.ServerProxy(sys.argv[1]).getUri("/scripts_run")
+except Exception:
+    sys.exit(1)
+PYTHON
+    local port=${uri##*:}
+    echo "port ${port%/} ($uri) is in use by a program that is no ROS master: end it, or set ROS_MASTER_URI to another" \
+      "port of this computer, e.g. http://localhost:11411." >&2
+    return 1
+  fi
+}
+
 # build DIRECTORY TARGETS [cmake arguments...]: configures and builds, quietly unless something goes wrong.
 # TARGETS: names with blanks between them.
 build() {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <initializer_list>
 #include <limits>
 #include <string>
@@ -13,6 +12,7 @@
 #include "brash_ice_rig/rig/crane_motion.h"
 #include "brash_ice_rig/rig/rig_commands.h"
 #include "brash_ice_rig/sph/kernel.h"
+#include "brash_ice_rig/system/available_memory.h"
 
 namespace brash_ice_rig {
 namespace {
@@ -69,19 +69,6 @@ void checkField(const FieldConfig& field) {
   require(field.length_y_m >= 5.0 * spacing - kLengthTolerance, "field.length_y_m", field.length_y_m, rule);
 }
 
-/// Memory that can be had without swapping, bytes; none where the system does not tell.
-std::optional<double> availableMemory() {
-  std::ifstream in("/proc/meminfo");
-  std::string name;
-  double kibibytes = 0.0;
-  std::string rest_of_line;
-  while (in >> name >> kibibytes) {
-    if (name == "MemAvailable:") return kibibytes * 1024.0;
-    std::getline(in, rest_of_line);
-  }
-  return std::nullopt;
-}
-
 void checkSize(const FieldConfig& field, const SolverConfig& solver) {
   const double count = particleCount(field);
   constexpr double kMaxCount = std::numeric_limits<int>::max();
@@ -90,10 +77,10 @@ void checkSize(const FieldConfig& field, const SolverConfig& solver) {
   require(count <= kMaxCount, "field.spacing_m", field.spacing_m,
           particles + ", at most " + rounded(kMaxCount / 1.0e6) + " million can be numbered" + remedy);
   const double needed = count * bytesPerParticle(solver);
-  const std::optional<double> available = availableMemory();
-  require(!available || needed <= *available, "field.spacing_m", field.spacing_m,
+  const double available = availableMemory();
+  require(needed <= available, "field.spacing_m", field.spacing_m,
           particles + ", which need about " + rounded(needed / 1.0e9) + " GB of memory, but only " +
-              rounded(available.value_or(0.0) / 1.0e9) + " GB are free" + remedy);
+              rounded(available / 1.0e9) + " GB are free" + remedy);
 }
 
 void checkFloats(const Scenario& scenario) {

@@ -342,9 +342,10 @@ class Composer {
       const bool is_section = table_.isSection(entry.key);
       if (is_section && (entry.kind == Entry::Kind::kNull || entry.kind == Entry::Kind::kMap)) return nullptr;
       if (is_section) entry.refuse("must be a section with keys of its own");
-      throw ConfigError(entry.key, "",
-                        "unknown key " + entry.key + "; did you mean " + nearestName(table_, entry.key) + "?",
-                        entry.where);
+      throw ConfigError(
+          entry.key, "",
+          "unknown key " + entry.key + "; did you mean " + nearestName(table_, entry.key.substr(0, kLongestWord)) + "?",
+          entry.where);
     }
     key->read(entry);
     origins_[entry.key] = {layer_, entry.where};

@@ -89,7 +89,11 @@ void RunLibrary::makeMissing(const std::string& what) {
   made_ += finished;
   for (std::size_t i = 0; i < waiting_.size(); ++i) {
     if (statuses[i].state == RunState::kWaiting) throw Interrupted();
-    if (statuses[i].state == RunState::kFailed) failed_[waiting_keys_[i]] = statuses[i].note;
+    if (statuses[i].state == RunState::kFailed) {
+      // A full disk or a killed run says nothing about the parameters: an effect must not lose its place for that.
+      if (!isFrozen(statuses[i].note)) throw OutputError(waiting_[i].directory, statuses[i].note);
+      failed_[waiting_keys_[i]] = statuses[i].note;
+    }
     keys_[waiting_keys_[i]] = true;
   }
   waiting_.clear();

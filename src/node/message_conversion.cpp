@@ -195,13 +195,14 @@ sensor_msgs::PointCloud2 toPointCloud(const Stamp& stamp, const ParticleCloud& p
   return cloud;
 }
 
-void setFlags(StatusFlags flags, SimStatus& status) {
+void setFlags(StatusFlags flags, const std::string& breakdown, SimStatus& status) {
   status.flags = flags.bits();
   status.flag_names.clear();
   status.remedies.clear();
   for (const StatusFlag flag : activeFlags(flags)) {
     status.flag_names.emplace_back(statusName(flag));
     status.remedies.emplace_back(statusRemedy(flag));
+    if (flag == StatusFlag::kNonFinite && !breakdown.empty()) status.remedies.back() += " " + breakdown;
   }
 }
 

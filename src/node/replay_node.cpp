@@ -11,6 +11,7 @@
 #include "brash_ice_rig/ForceComponents.h"
 #include "brash_ice_rig/config/config_error.h"
 #include "brash_ice_rig/identify/measured_force.h"
+#include "brash_ice_rig/node/loopback.h"
 #include "brash_ice_rig/node/parameter_reader.h"
 #include "brash_ice_rig/node/topic_names.h"
 
@@ -19,6 +20,7 @@ int main(int argc, char** argv) {
   ros::init(argc, argv, "replay_node");
   try {
     ros::NodeHandle node, private_node("~");
+    fenceToLoopback();
     std::string file, frame_prefix;
     ParameterReader reader(private_node);
     reader.read("measured", file);

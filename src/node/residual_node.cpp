@@ -17,6 +17,7 @@
 #include "brash_ice_rig/ForceResidual.h"
 #include "brash_ice_rig/config/config_error.h"
 #include "brash_ice_rig/node/live_residual.h"
+#include "brash_ice_rig/node/loopback.h"
 #include "brash_ice_rig/node/parameter_reader.h"
 #include "brash_ice_rig/node/topic_names.h"
 
@@ -267,6 +268,7 @@ int main(int argc, char** argv) {
   ros::init(argc, argv, "residual_node");
   try {
     brash_ice_rig::ResidualNode node;
+    brash_ice_rig::fenceToLoopback();
     ros::spin();
     return 0;
   } catch (const std::exception& error) {

@@ -213,8 +213,12 @@ RigNode::Answer RigNode::onCheckpointFile(const std::string& name,
     return {false, "file must be the plain name of a file in " + options_.checkpoint_dir +
                        ": no slash, no dot at the beginning, at most 200 characters"};
   }
+  const std::string path = options_.checkpoint_dir + "/" + file;
+  std::error_code no_file_yet;
+  if (std::filesystem::is_symlink(path, no_file_yet))
+    return {false, path + ": is a link; files elsewhere are not touched"};
   try {
-    return work(options_.checkpoint_dir + "/" + file);
+    return work(path);
   } catch (const std::exception& error) {
     ROS_ERROR("%s", error.what());
     return {false, error.what()};
@@ -536,7 +540,11 @@ void RigNode::scheduleAutosave() {
 void RigNode::autosave(const Snapshot& snapshot) {
   if (options_.checkpoint_every_s == 0.0) return;
   if (saving_.valid() && saving_.wait_for(std::chrono::seconds(0)) == std::future_status::ready) finishAutosave();
-  if (snapshot.time_s < autosave_due_s_ - 0.5 * simulation_->samplePeriod() || saving_.valid()) return;
+  if (snapshot.time_s < autosave_due_s_ - 0.5 * simulation_->samplePeriod()) return;
+  if (saving_.valid()) {
+    if (options_.live.real_time_factor > 0.0) return;
+    finishAutosave();  // nobody waits for a simulation that runs as fast as it can: the disk sets the pace
+  }
   scheduleAutosave();
   try {
     CheckpointWriter file = makeCheckpoint(options_.checkpoint_dir + "/" + options_.checkpoint_file);
@@ -644,7 +652,9 @@ void RigNode::advance(std::uint64_t steps) {
   compute_s_ += secondsBetween(before, after);
   pacer_.book(duration_s, report.steps, after);
   raised_ |= report.flags;
-  if (simulation_->frozen()) pull_up_->abort(statusRemedy(StatusFlag::kNonFinite));
+  if (simulation_->frozen()) {
+    pull_up_->abort(statusRemedy(StatusFlag::kNonFinite) + (" " + simulation_->breakdown()));
+  }
   raised_since_sample_ |= report.flags;
   publishCommands(report.commands);
   if (simulation_->stepCount() % steps_per_sample_ != 0 || simulation_->frozen()) return;
@@ -771,7 +781,7 @@ void RigNode::publishStatus(WallClock::time_point now) {
   status_.paused = paused_;
   status_.finished = simulation_->finished();
   status_.frozen = simulation_->frozen();
-  setFlags(flags, status_);
+  setFlags(flags, simulation_->breakdown(), status_);
   status_publisher_.publish(status_);
   pull_up_->publishStatus();
 
@@ -783,7 +793,9 @@ void RigNode::publishStatus(WallClock::time_point now) {
     // A computer at its limit is overloaded on and off; the factor is in each line of progress anyway.
     if (flag == StatusFlag::kOverload && now < next_overload_log_) continue;
     if (flag == StatusFlag::kOverload) next_overload_log_ = now + kOverloadLogInterval;
-    ROS_WARN("%s: %s (t = %.2f s, real-time factor %.2f)", statusName(flag), statusRemedy(flag), snapshot.time_s,
+    std::string remedy = statusRemedy(flag);
+    if (flag == StatusFlag::kNonFinite) remedy += " " + simulation_->breakdown();
+    ROS_WARN("%s: %s (t = %.2f s, real-time factor %.2f)", statusName(flag), remedy.c_str(), snapshot.time_s,
              status_.real_time_factor);
   }
   if (secondsBetween(last_diagnostics_, now) >= 1.0) publishDiagnostics(now);
@@ -828,7 +840,7 @@ void RigNode::addDiagnostics() {
   });
   diagnostics_.add("Numerics", [this, has](DiagnosticStatusWrapper& report) {
     if (has(StatusFlag::kNonFinite)) {
-      report.summary(DiagnosticStatus::ERROR, statusRemedy(StatusFlag::kNonFinite));
+      report.summary(DiagnosticStatus::ERROR, statusRemedy(StatusFlag::kNonFinite) + (" " + simulation_->breakdown()));
     } else if (has(StatusFlag::kContactSaturated)) {
       report.summary(DiagnosticStatus::WARN, statusRemedy(StatusFlag::kContactSaturated));
     } else {

@@ -6,6 +6,8 @@
 
 #include <ros/ros.h>
 
+#include "brash_ice_rig/node/loopback.h"
+#include "brash_ice_rig/node/master_watch.h"
 #include "brash_ice_rig/node/node_options.h"
 #include "brash_ice_rig/node/rig_node.h"
 #include "brash_ice_rig/simulation/waiting_threads.h"
@@ -16,6 +18,7 @@ int main(int argc, char** argv) {
   ros::init(argc, argv, "rig_node");
   try {
     ros::NodeHandle node, private_node("~");
+    fenceToLoopback();
     std::unique_ptr<RigNode> rig;
     try {
       rig = std::make_unique<RigNode>(readNodeOptions(private_node), node, private_node);
@@ -29,6 +32,7 @@ int main(int argc, char** argv) {
     // Four threads: a command must get through while a service, a change of settings and a goal wait for their answers.
     ros::AsyncSpinner spinner(4);
     spinner.start();
+    const MasterWatch master(node, {"/use_sim_time", node.resolveName("robot_description")});
     const int code = rig->run();
     spinner.stop();
     return code;

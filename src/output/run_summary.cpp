@@ -99,11 +99,12 @@ void ForceStatistics::visitState(StateVisitor& visitor) {
   visitor("peak_time_s", peak_time_s_);
 }
 
-std::string statusText(StatusFlags flags, bool interrupted) {
+std::string statusText(StatusFlags flags, bool interrupted, const std::string& breakdown) {
   std::string text = interrupted ? "interrupted" : "";
   for (const StatusFlag flag : activeFlags(flags)) {
     if (!text.empty()) text += "; ";
     text += std::string(statusName(flag)) + ": " + statusRemedy(flag);
+    if (flag == StatusFlag::kNonFinite && !breakdown.empty()) text += " " + breakdown;
   }
   return text.empty() ? "ok" : text;
 }

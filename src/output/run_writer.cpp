@@ -188,7 +188,7 @@ RunSummary RunWriter::finish(const Simulation& simulation, const RunTiming& timi
   summary.ns_per_particle_step = 1.0e9 * timing.compute_s / (steps * static_cast<double>(summary.particle_count));
   summary.threads = simulation.scenario().solver.threads;
   summary.state_hash = simulation.stateHash();
-  summary.status = statusText(flags_, interrupted);
+  summary.status = statusText(flags_, interrupted, simulation.breakdown());
 
   OutputFile summary_file(summaryPath(), OutputFile::Mode::kReplace);
   summary_file.write(toJson(summary));

@@ -1,6 +1,7 @@
 #include "brash_ice_rig/simulation/checkpoint.h"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -201,12 +202,13 @@ void CheckpointWriter::commit() {
 }
 
 CheckpointReader::CheckpointReader(const std::string& path) : path_(path) {
-  std::error_code error;
-  const std::filesystem::file_status status = std::filesystem::status(path, error);
-  if (!std::filesystem::exists(status)) refuse("file cannot be read: No such file or directory");
-  // A pipe would keep us waiting, a device has no end.
-  if (!std::filesystem::is_regular_file(status)) refuse("is not a file");
-  stream_.open(path, std::ios::binary);
+  // What is looked at is what is read: a name could lead elsewhere a moment later. Opened so that a pipe does not keep
+  // us waiting; a device has no end.
+  const Descriptor file(path, O_RDONLY | O_NONBLOCK | O_NOCTTY);
+  if (!file.good()) refuse(std::string("file cannot be read: ") + std::strerror(errno));
+  struct stat status {};
+  if (fstat(file.number(), &status) != 0 || !S_ISREG(status.st_mode)) refuse("is not a file");
+  stream_.open("/proc/self/fd/" + std::to_string(file.number()), std::ios::binary);
   if (!stream_) refuse(std::string("file cannot be read: ") + std::strerror(errno));
   stream_.seekg(0, std::ios::end);
   const auto size = static_cast<std::uint64_t>(std::max<std::streamoff>(stream_.tellg(), 0));

@@ -3,8 +3,13 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <cstdio>
+#include <iterator>
+#include <limits>
 #include <mutex>
 #include <optional>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include <omp.h>
@@ -23,6 +28,7 @@
 #include "brash_ice_rig/rig/procedure.h"
 #include "brash_ice_rig/rig/rig_commands.h"
 #include "brash_ice_rig/simulation/energy_audit.h"
+#include "brash_ice_rig/simulation/numerical_guard.h"
 #include "brash_ice_rig/simulation/pinned_thread.h"
 #include "brash_ice_rig/simulation/plug.h"
 #include "brash_ice_rig/sph/sph_body.h"
@@ -63,6 +69,7 @@ SphSettings makeSphSettings(const Scenario& s, double density_kgpm3, double time
   settings.active_set.quiet_time_s = s.solver.quiet_time_s;
   settings.active_set.spacing_m = dx;
   settings.active_set.time_step_s = time_step_s;
+  settings.fastest_mps = static_cast<float>(NumericalGuard::computeFastest(s));
   return settings;
 }
 
@@ -136,6 +143,9 @@ struct Simulation::Impl {
   void visitBooks(StateVisitor& visitor);
   std::uint64_t stateHash();
   void moveRig();
+  void guard();
+  void freeze(std::string reason);
+  std::string describeBreakdown(const Breakdown& breakdown) const;
   void takeCommands();
   std::optional<RigCommand> commandOfScript() const;
   void updateForces();
@@ -180,11 +190,13 @@ struct Simulation::Impl {
   RigContact contact;
   LoadCell load_cell;
   Procedure procedure;
+  NumericalGuard numerical_guard;
 
   std::uint64_t step_count = 0;
   std::uint64_t active_particle_steps = 0;
   bool frozen = false;
-  StatusFlags flags;  ///< since the start of the present advance
+  std::string breakdown;  ///< why
+  StatusFlags flags;      ///< since the start of the present advance
   ContactSum contact_sum;
   Eigen::Vector3d support = Eigen::Vector3d::Zero();  ///< N, of the crane on the rig
   double fold_target;
@@ -226,6 +238,7 @@ Simulation::Impl::Impl(const Scenario& s)
       contact(s.contact, s.collector, material.bulkModulus(), s.field.spacing_m, ice.particleMass(), ice.size()),
       load_cell(s.load_cell),
       procedure(s.procedure, lowestHubHeight(s)),
+      numerical_guard(s, static_cast<double>(ice.size()) * ice.particleMass()),
       fold_target(collector.foldRatio()) {
   // Settling takes whole samples, so that time 0 is one.
   settle_steps =
@@ -439,10 +452,64 @@ RigInstant Simulation::Impl::rigInstant() const {
   return rig;
 }
 
+void Simulation::Impl::guard() {
+  if (ice.breakdown()) return freeze(describeBreakdown(*ice.breakdown()));
+  const double kinetic_j = 0.5 * ice.particleMass() * ice.speedSquaredSum();
+  if (kinetic_j <= numerical_guard.energyBound()) return;
+  Breakdown fastest;
+  for (std::size_t i = 0; i < ice.size(); ++i) {
+    const double speed = static_cast<double>(ice.velocity()[i].norm());
+    if (speed > fastest.speed_mps) fastest = {i, speed, 0.0};
+  }
+  char text[160];
+  std::snprintf(text, sizeof text,
+                "the ice has a kinetic energy of %.4g J, but at most %.4g J were put in, fastest is ", kinetic_j,
+                numerical_guard.energyBound());
+  freeze(text + describeBreakdown(fastest));
+}
+
+void Simulation::Impl::freeze(std::string reason) {
+  frozen = true;
+  breakdown = std::move(reason);
+  ice.clearNonFinite();
+}
+
+/// Names the particle and the force that drives it, which tells what to change.
+std::string Simulation::Impl::describeBreakdown(const Breakdown& found) const {
+  const std::size_t i = found.particle;
+  const Eigen::Vector3d& at = ice.position()[i];
+  const auto size = [](const Eigen::Vector4f& force) {
+    const double norm = static_cast<double>(force.norm());
+    return std::isnan(norm) ? std::numeric_limits<double>::infinity() : norm;
+  };
+  struct Cause {
+    double force_n;
+    const char* name;
+    const char* remedy;
+  };
+  const Eigen::Vector4f viscous = ice.viscousForce(i);
+  const Cause causes[] = {
+      {size(contact.force(i)), "contact with net and pole",
+       "lower contact.min_stiffness_npm, contact.stiffness_ratio or crane.max_speed_mps"},
+      {size(viscous), "viscosity", "lower solver.viscosity_ratio, solver.viscosity_speed_mps or solver.cfl_ratio"},
+      {size(waterForce(i)), "water", "lower water.drag_coefficient or solver.cfl_ratio"},
+      {size(ice.internalForce(i) - viscous), "stress in the ice",
+       "lower solver.cfl_ratio, solver.volume_ratio_limit or ice.cohesion_pa, or raise solver.determinant_limit"}};
+  const Cause& cause = *std::max_element(std::begin(causes), std::end(causes),
+                                         [](const Cause& a, const Cause& b) { return a.force_n < b.force_n; });
+  char text[400];
+  std::snprintf(text, sizeof text,
+                "particle %zu at (%.3f, %.3f, %.3f) m, t = %.3f s: speed %.4g m/s (bound %.4g), volume %+.3g in the "
+                "step, most of its force, %.4g N, is from %s: %s",
+                i, at.x(), at.y(), at.z(), time(), found.speed_mps, NumericalGuard::computeFastest(scenario),
+                found.volume_growth, cause.force_n, cause.name, cause.remedy);
+  return text;
+}
+
 /// The second half of a step, after the ice has moved: the rig follows its orders, and the forces between the two are
 /// brought up to date. They hold for the ice in the next step, and what a snapshot shows belongs to one instant.
 void Simulation::Impl::moveRig() {
-  frozen = !ice.sound();
+  guard();
   if (frozen) return;
   Eigen::Vector3d wanted = Eigen::Vector3d::Zero();
   // Whoever drives the crane sees how much rope is out, not what effects add below.
@@ -464,6 +531,7 @@ void Simulation::Impl::moveRig() {
   const double fold_order = by_command ? fold_target : order.fold_target;
   for (const auto& effect : effects) effect->updateCraneVelocity(rigNow(), wanted);
   crane.step(time_step, wanted, flags);
+  const double last_arm_angle = collector.armAngle();
   collector.step(time_step, fold_order, contact_sum.opening_moment_nm, flags);
   ++step_count;
   active_particle_steps += ice.activeSet().awakeCount();
@@ -477,7 +545,18 @@ void Simulation::Impl::moveRig() {
     loads = RigLoads();
     for (const auto& effect : effects) effect->addRigLoads(rigNow(), loads);
   }
+  const ContactSum last_contact_sum = contact_sum;
+  const Eigen::Vector3d last_support = support;
   updateForces();
+  if (!support.allFinite() || !contact_sum.total().allFinite()) {
+    contact_sum = last_contact_sum;
+    support = last_support;
+    return freeze(
+        "the force of the crane on the rig is not finite: lower contact.min_stiffness_npm, contact.stiffness_ratio or "
+        "the parameters of the effects that act on rig and load cell");
+  }
+  numerical_guard.addWork(support.dot(hubVelocity()) * time_step);
+  numerical_guard.addWork(contact_sum.opening_moment_nm * (collector.armAngle() - last_arm_angle));
   updateIce();
   if (audit) audit->observeRig(rigInstant());
   if (step_count % steps_per_sample == 0) load_cell.sample();
@@ -508,6 +587,9 @@ std::uint64_t Simulation::activeParticleSteps() const {
 }
 bool Simulation::frozen() const {
   return impl_->frozen;
+}
+const std::string& Simulation::breakdown() const {
+  return impl_->breakdown;
 }
 bool Simulation::finished() const {
   return impl_->frozen || impl_->procedure.stage() == Stage::kDone;
@@ -729,6 +811,7 @@ void Simulation::Impl::visitState(StateVisitor& visitor) {
 /// What is only counted and shown. It depends on how a run was cut into advances, or whether the audit watches.
 void Simulation::Impl::visitBooks(StateVisitor& visitor) {
   visitor("active_particle_steps", active_particle_steps);
+  numerical_guard.visitState(visitor);
   flags.visitState(visitor);
   if (audit) audit->visitState(visitor);
   const std::uint64_t present_hash = stateHash();

@@ -73,8 +73,9 @@ const char* statusRemedy(StatusFlag flag) {
       return "Ice was pressed more than halfway through the net's contact layer, so the force is too low. Raise "
              "contact.min_stiffness_npm or contact.stiffness_ratio.";
     case StatusFlag::kNonFinite:
-      return "A particle's speed is not finite or beyond all bounds, so the world is frozen. Reset, with a smaller "
-             "solver.cfl_ratio, a lower contact stiffness or less viscosity.";
+      return "The numerical guard met what cannot be and froze the world at its last good step. Change what it names, "
+             "or "
+             "lower solver.cfl_ratio, and reset or run again.";
     case StatusFlag::kHoistSlack:
       return "The ice carries more than the rig weighs: a real rope would be slack, this one pushes. Lower more "
              "slowly, or raise collector.mass_kg.";

@@ -73,6 +73,7 @@ SphBody::SphBody(const SphSettings& settings, const Material& material, const st
   moved_.assign(count, kStays);
   listed_.assign(count, 0);
   due_.reserve(count);
+  square_sums_.assign(count, 0.0f);
   smoothing_length_.assign(count, settings.smoothing_length_m);
   double farthest = settings.smoothing_length_m;
   for (const Eigen::Vector3d& position : position_m) farthest = std::max(farthest, position.cwiseAbs().maxCoeff());
@@ -353,6 +354,17 @@ void SphBody::updateActiveSet() {
     velocity_[i].setZero();
     viscosity_[i].setZero();
   }
+}
+
+void SphBody::clearNonFinite() {
+  const auto clear = [](std::vector<float>& values, float otherwise) {
+    for (float& value : values) {
+      if (!std::isfinite(value)) value = otherwise;
+    }
+  };
+  for (auto& component : stress_) clear(component, 0.0f);
+  for (auto& values : state_) clear(values, 0.0f);
+  clear(volume_, static_cast<float>(settings_.particle_volume_m3));
 }
 
 void SphBody::visitState(StateVisitor& visitor) {

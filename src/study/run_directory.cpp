@@ -60,6 +60,10 @@ std::vector<std::string> cells(const std::string& line) {
 
 }  // namespace
 
+bool isFrozen(const std::string& status) {
+  return statusHas(status, StatusFlag::kNonFinite);
+}
+
 EarlierRun findEarlierRun(const std::string& directory, const Scenario& scenario, const std::string& stamp) {
   namespace fs = std::filesystem;
   using State = EarlierRun::State;
@@ -73,7 +77,7 @@ EarlierRun findEarlierRun(const std::string& directory, const Scenario& scenario
   try {
     const std::string status = valueOf(readSummary(directory), "status");
     if (status.rfind("interrupted", 0) == 0) return {State::kNone, "it was interrupted"};
-    if (statusHas(status, StatusFlag::kNonFinite)) return {State::kNotFinite, status};
+    if (isFrozen(status)) return {State::kNotFinite, status};
     return {State::kDone, ""};
   } catch (const OutputError&) {
     return {State::kNone, "its summary.json is damaged"};

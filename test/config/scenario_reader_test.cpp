@@ -51,6 +51,13 @@ std::string refusalOfSetting(const std::string& setting) {
 
 // ---- what is shipped
 
+TEST(Settings, AKeyOfMillionsOfLettersIsRefusedWithoutBeingComparedLetterByLetter) {
+  // Compared as a whole, these four would keep a node from its work for half a minute.
+  for (int i = 0; i < 4; ++i) {
+    EXPECT_THROW(loadScenario({"", {}, {std::string(4000000, 'k') + "=1"}}), ConfigError);
+  }
+}
+
 TEST(ShippedScenarios, EachLoads) {
   const auto files = shippedFiles("config/scenarios");
   ASSERT_GE(files.size(), 2u);

@@ -210,6 +210,21 @@ TEST(Scenario, NeighbourhoodsThatMayGrowNeedMoreMemory) {
   EXPECT_NEAR((bytesPerParticle(solver) - 1000.0) / constant, 1.4202, 1e-3);
 }
 
+TEST(ConfigErrorText, OverlongPartsAreCutBetweenCharacters) {
+  const std::string umlauts = [] {
+    std::string text = "x";
+    for (int i = 0; i < 5000; ++i) text += "\u00e4";
+    return text;
+  }();
+  const ConfigError error(umlauts, umlauts, "must be short", "file.yaml:1");
+  const std::string text = error.what();
+  EXPECT_LT(text.size(), 800u);
+  EXPECT_EQ(text.rfind("file.yaml:1: x\u00e4", 0), 0u);
+  EXPECT_NE(text.find("\u00e4... (10001 characters)"), std::string::npos) << text;
+  EXPECT_NE(text.find("must be short"), std::string::npos);
+  EXPECT_EQ(error.key(), umlauts);
+}
+
 TEST(Scenario, FieldBeyondCountingIsRefused) {
   EXPECT_EQ(verdict([](Scenario& s) { s.field.spacing_m = 1.0e-5; }),
             "field.spacing_m = 1.0e-05, makes 2.7e+11 million particles, at most 2147.484 million can be numbered; "

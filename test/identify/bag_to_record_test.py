@@ -3,6 +3,7 @@
 here. PYTHONPATH must lead to the package's messages."""
 
 import csv
+import io
 import math
 import os
 import subprocess
@@ -294,7 +295,7 @@ class BagToRecord(unittest.TestCase):
                 if topic != "load_cell/wrench":
                     bag.write("/rig/load_cell/wrench", WrenchStamped(), rospy.Time.from_sec(START_S))
                 bag.write("/rig/" + topic, message, rospy.Time.from_sec(START_S))
-            self.assertIn(f"/rig/{topic} has messages {message._type}, not ", self.refusal("--source", "field"))
+            self.assertIn(f"/rig/{topic}: holds messages of type {message._type} ", self.refusal("--source", "field"))
 
     def test_times_that_are_no_numbers_or_go_back_make_no_rows(self):
         with rosbag.Bag(self.bag_file, "w") as bag:
@@ -310,6 +311,27 @@ class BagToRecord(unittest.TestCase):
         self.assertEqual(len(times), 41 - 3)
         self.assertEqual(times, sorted(times))
         self.assertTrue(all(math.isfinite(time_s) for time_s in times))
+
+    def test_code_in_the_message_definitions_of_a_bag_is_not_run(self):
+        """Rosbag would make Python code of them: a field's name may hold statements."""
+        trap = self.path("trap")
+        wrench = WrenchStamped()
+        content = io.BytesIO()
+        wrench.serialize(content)
+        for md5sum in ("0" * 32, WrenchStamped._md5sum):
+            class Foreign:
+                _type = WrenchStamped._type
+                _md5sum = md5sum
+                _full_text = WrenchStamped._full_text.replace(
+                    "Wrench wrench", f"string 0;open({trap!r},'w');x=y\nWrench wrench", 1)
+            with rosbag.Bag(self.bag_file, "w") as bag:
+                bag.write("/rig/load_cell/wrench", (Foreign._type, content.getvalue(), md5sum, Foreign), raw=True)
+            outcome = self.run_script(self.bag_file, "--source", "field")
+            self.assertEqual(outcome.returncode, 1, outcome.stdout + outcome.stderr)
+            self.assertFalse(os.path.exists(trap), "the bag's code was run")
+            self.assertNotIn("Traceback", outcome.stderr)
+            if md5sum != WrenchStamped._md5sum:
+                self.assertIn("must be geometry_msgs/WrenchStamped as this version", outcome.stderr)
 
     def test_files_that_exist_are_replaced_only_if_asked(self):
         self.simulated_bag()

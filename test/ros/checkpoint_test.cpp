@@ -9,6 +9,7 @@
 
 #include <geometry_msgs/WrenchStamped.h>
 #include <rosgraph_msgs/Clock.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "brash_ice_rig/Checkpoint.h"
@@ -197,6 +198,16 @@ TEST_F(NodeCheckpoint, TimeGoesOnOverALoadAndTheTestGoesBack) {
   content[content.size() / 3] = static_cast<char>(content[content.size() / 3] ^ 1);
   std::ofstream(checkpoints() / "flipped.bin", std::ios::binary) << content;
   EXPECT_NE(refusal("load_checkpoint", "flipped.bin").find("flipped.bin: is damaged"), std::string::npos);
+  fs::create_symlink(checkpoints() / "checkpoint.bin", checkpoints() / "link.bin");
+  fs::create_symlink(scratch_ / "outside.bin", checkpoints() / "dangling.bin");
+  for (const char* file : {"link.bin", "dangling.bin"}) {
+    for (const char* service : {"save_checkpoint", "load_checkpoint"}) {
+      EXPECT_NE(refusal(service, file).find("is a link"), std::string::npos) << file;
+    }
+  }
+  EXPECT_FALSE(fs::exists(scratch_ / "outside.bin"));
+  ASSERT_EQ(mkfifo((checkpoints() / "pipe.bin").c_str(), 0600), 0);
+  EXPECT_NE(refusal("load_checkpoint", "pipe.bin").find("is not a file"), std::string::npos);
   ASSERT_TRUE(status.waitForNew());
   EXPECT_NEAR(status.last().time_s, before_s, 1e-9);
   end(SIGINT);

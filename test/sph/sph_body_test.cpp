@@ -511,6 +511,51 @@ TEST(SphBody, AFarFromOriginSlowMotionDoesNotStagnate) {
   EXPECT_NEAR(body.sph.position()[0].x(), 12.001, 1e-9);
 }
 
+TEST(SphBody, AVolumeThatHalvesWithinAStepIsCaught) {
+  // v = -k x gives tr L = -3 k, and 3 k dt of 0.45 or 0.6 in the step.
+  for (const double shrinks : {0.45, 0.6}) {
+    const auto points = block(5, 5, 5, 0.0);
+    Body body(points);
+    constexpr double kTimeStep = 0.05;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      body.sph.setVelocity(i, -shrinks / 3.0 / kTimeStep * (points[i] - points[62]));
+    }
+    body.sph.updateGradients();
+    body.sph.updateStress(kTimeStep);
+    // So short that forces do not matter.
+    body.sph.updateMotion(1.0e-12, 0.0, [](std::size_t) { return Eigen::Vector4f(Eigen::Vector4f::Zero()); });
+    const bool sound = shrinks < SphBody::kLargestVolumeGrowth;
+    EXPECT_EQ(body.sph.sound(), sound) << shrinks;
+    if (!sound) {
+      ASSERT_TRUE(body.sph.breakdown());
+      EXPECT_NEAR(body.sph.breakdown()->volume_growth, -shrinks, 0.02);
+    }
+  }
+}
+
+TEST(SphBody, BreakdownNamesTheFirstParticleAndItsSpeed) {
+  Body body(block(4, 4, 4, 0.0));
+  body.sph.updateGradients();
+  body.sph.updateStress(1e-3);
+  EXPECT_FALSE(body.sph.breakdown());
+  body.sph.updateMotion(1e-3, 0.0, [](std::size_t i) {
+    return Eigen::Vector4f(i == 50 ? std::nanf("") : i == 7 ? 1.0e9f : 0.0f, 0.0f, 0.0f, 0.0f);
+  });
+  ASSERT_TRUE(body.sph.breakdown());
+  EXPECT_EQ(body.sph.breakdown()->particle, 7u);
+  EXPECT_NEAR(body.sph.breakdown()->speed_mps, 1.0e6 / body.sph.particleMass(), 1.0);
+}
+
+TEST(SphBody, SumOfSquaredSpeedsIsThatOfTheParticles) {
+  Body body(block(4, 4, 4, 0.0));
+  for (std::size_t i = 0; i < body.sph.size(); ++i) body.sph.setVelocity(i, {0.0, 0.01 * static_cast<double>(i), 0.0});
+  body.step(1e-6);
+  double sum = 0.0;
+  for (const Eigen::Vector4f& velocity : body.sph.velocity()) sum += static_cast<double>(velocity.squaredNorm());
+  EXPECT_NEAR(body.sph.speedSquaredSum(), sum, 1e-5 * sum);
+  EXPECT_GT(sum, 1.0);
+}
+
 TEST(SphBody, ForceBeyondAllBoundsIsCaughtAndTheStateStaysFinite) {
   for (const float force : {std::nanf(""), std::numeric_limits<float>::infinity(), 1.0e9f}) {
     Body body(block(4, 4, 4, 0.0));

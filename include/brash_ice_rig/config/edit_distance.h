@@ -24,11 +24,15 @@ inline int editDistance(const std::string& from, const std::string& to) {
   return row.back();
 }
 
+/// So much of a misspelt word counts: nobody's word is longer, and what somebody else sends may be a million letters.
+constexpr std::size_t kLongestWord = 100;
+
 /// The word that a misspelt one is most likely meant to be; the first of several.
 /// @param words  at least one
 inline std::string nearestWord(const std::vector<std::string>& words, const std::string& unknown) {
+  const std::string beginning = unknown.substr(0, kLongestWord);
   return *std::min_element(words.begin(), words.end(), [&](const std::string& left, const std::string& right) {
-    return editDistance(unknown, left) < editDistance(unknown, right);
+    return editDistance(beginning, left) < editDistance(beginning, right);
   });
 }
 

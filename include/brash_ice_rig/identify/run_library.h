@@ -33,6 +33,7 @@ class RunLibrary {
   /// Makes what has been requested and is not there yet; tells on stderr how far it is.
   /// @param what  for the progress line
   /// @throws Interrupted after a stop; the same program goes on where it was
+  /// @throws OutputError if a run failed otherwise than by a world that froze: its disk is full, somebody killed it
   void makeMissing(const std::string& what);
 
   /// The world froze in this run: such parameters cannot be simulated.

@@ -51,6 +51,7 @@ sensor_msgs::JointState toJointState(const Stamp& stamp, const Snapshot& snapsho
 sensor_msgs::PointCloud2 toPointCloud(const Stamp& stamp, const ParticleCloud& particles, const LiveOptions& options);
 
 /// Fills flags, flag_names and remedies.
-void setFlags(StatusFlags flags, SimStatus& status);
+/// @param breakdown  of the simulation, behind the remedy of a frozen world
+void setFlags(StatusFlags flags, const std::string& breakdown, SimStatus& status);
 
 }  // namespace brash_ice_rig

@@ -69,7 +69,8 @@ struct RunSummary {
 };
 
 /// "ok", or what happened, "; " between: "interrupted" and `name: remedy` of each flag.
-std::string statusText(StatusFlags flags, bool interrupted);
+/// @param breakdown  of the simulation, behind the remedy of a frozen world
+std::string statusText(StatusFlags flags, bool interrupted, const std::string& breakdown = "");
 
 /// One JSON object; keys are the members' names.
 std::string toJson(const RunSummary& summary);

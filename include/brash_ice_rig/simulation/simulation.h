@@ -49,8 +49,8 @@ class Simulation {
   std::uint64_t activeParticleSteps() const;
 
   /// Velocity of the crane tip, m/s, frame map. Counts only in manual control without procedure.commands_file, for
-  /// crane.command_timeout_s of simulated time; raises a flag otherwise. A value that is not finite is refused and stops
-  /// the crane.
+  /// crane.command_timeout_s of simulated time; raises a flag otherwise. A value that is not finite is refused and
+  /// stops the crane.
   void setCraneVelocity(const Eigen::Vector3d& velocity_mps);
   /// Fold ratio to go to, 0 folded .. 1 unfolded. Counts as a velocity does. Non-finite or outside 0..1 is refused.
   void setFoldTarget(double ratio);
@@ -66,7 +66,9 @@ class Simulation {
   double loadCellResolution() const;
 
   /// Runs the world on. Rounds to whole steps; never changes the step.
-  /// After a non-finite state the world is frozen: nothing moves any more and the flag stays.
+  /// The numerical guard stops the world before anything that cannot be leaves it: a speed beyond what height and crane
+  /// can give, a volume that changes by half within a step, more kinetic energy than was put in, a force that is not
+  /// finite (doc/reliability.md). It is frozen then, at the last good step: nothing moves any more and the flag stays.
   /// @param duration_s  simulated time, > 0
   StepReport advance(double duration_s);
 
@@ -79,6 +81,9 @@ class Simulation {
   /// frozen.
   bool finished() const;
   bool frozen() const;
+  /// What froze the world: which particle, where, what it would have done, and which key to change; empty until then.
+  /// One line.
+  const std::string& breakdown() const;
 
   /// 64-bit hash of everything that decides the future: what save() keeps, but for counts and the energy audit.
   std::uint64_t stateHash() const;

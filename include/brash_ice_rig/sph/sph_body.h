@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -34,6 +35,16 @@ struct SphSettings {
   /// Each particle's h follows its volume by smoothingGrowth().
   bool variable_smoothing_length = false;
   ActiveSetSettings active_set;
+  /// No ice can be faster, m/s: only a broken integration gets there. The default: ice that falls 50 m in air reaches a
+  /// third of it.
+  float fastest_mps = 100.0f;
+};
+
+/// Where the integration of a body broke down: the first particle, by number, of the step in which one did.
+struct Breakdown {
+  std::size_t particle = 0;
+  double speed_mps = 0.0;      ///< that it would have had; NaN, infinite, or too large
+  double volume_growth = 0.0;  ///< change of its volume in this step, ratio
 };
 
 /// A body of renormalised total-stress SPH particles (doc/theory.md, section SPH):
@@ -59,8 +70,9 @@ class SphBody {
   SphBody(SphBody&&) = default;
   SphBody(const SphBody&) = delete;
 
-  /// m/s. Ice that falls 50 m in air reaches a third of it; only a broken integration gets there.
-  static constexpr float kFastest = 100.0f;
+  /// Largest change of a particle's volume in one step, ratio. V (1 + tr e) is of first order in the strain increment:
+  /// far below this it has lost its meaning, and at -1 the particle would be gone.
+  static constexpr float kLargestVolumeGrowth = 0.5f;
 
   std::size_t size() const { return position_.size(); }
   double particleMass() const { return settings_.density_kgpm3 * settings_.particle_volume_m3; }
@@ -72,7 +84,8 @@ class SphBody {
   void updateStress(double time_step_s);
 
   /// Team. Internal forces plus `external(i)` (N, as Vector4f with w = 0), then v and x by symplectic Euler.
-  /// A particle whose new velocity would be beyond kFastest, or not a number, keeps its state, and sound() turns false.
+  /// A particle whose new velocity would be beyond settings.fastest_mps, or not a number, keeps its place and velocity,
+  /// and sound() turns false; it does, too, where a volume has changed by more than kLargestVolumeGrowth.
   /// @param damping_per_s  mass damping, 1/s
   /// @param then           called by one thread when all particles have moved
   template <class ExternalForce, class Then>
@@ -80,26 +93,32 @@ class SphBody {
     const auto dt = static_cast<float>(time_step_s);
     const float decay = 1.0f - static_cast<float>(damping_per_s * time_step_s);
     const float dt_over_mass = static_cast<float>(time_step_s / particleMass());
+    const float bound_squared = settings_.fastest_mps * settings_.fastest_mps;
     float fastest_squared = 0.0f;
-    bool sound = true;
+    std::optional<Breakdown> breakdown;
     const bool sampling = active_.sampling();
     // Who has computed a force moves the particle, so that neither waits for the other.
     const ActiveSet::Share share = ownShare();
     for (std::size_t run = share.begin; run < share.end; ++run) {
+      float square_sum = 0.0f;
       for (std::size_t i = active_.awake()[run].begin; i < active_.awake()[run].end; ++i) {
         if (sampling) active_.sampleStress(i, stress_);
         if (fixed_[i]) continue;
         const float push = inertia_ratio_.empty() ? dt_over_mass : dt_over_mass / inertia_ratio_[i];
         const Eigen::Vector4f velocity = velocity_[i] * decay + push * (force_[i] + external(i));
         const float speed_squared = velocity.head<3>().squaredNorm();
-        if (!(speed_squared < kFastest * kFastest)) {  // written so that NaN is caught too
-          sound = false;
+        const float growth = strain_increment_[0][i] + strain_increment_[1][i] + strain_increment_[2][i];
+        // Written so that NaN is caught, too.
+        if (!(speed_squared < bound_squared && std::abs(growth) < kLargestVolumeGrowth)) {
+          if (!breakdown) breakdown = Breakdown{i, std::sqrt(static_cast<double>(speed_squared)), growth};
           continue;
         }
         fastest_squared = std::max(fastest_squared, speed_squared);
+        square_sum += speed_squared;
         velocity_[i].head<3>() = velocity.head<3>();
         position_[i] += (dt * velocity.head<3>()).template cast<double>();
       }
+      square_sums_[run] = square_sum;
     }
 #pragma omp for schedule(static) nowait
     for (std::size_t run = 0; run < active_.watched().size(); ++run) {
@@ -110,13 +129,17 @@ class SphBody {
 #pragma omp critical(brash_ice_rig_sph_motion)
     {
       fastest_squared_ = std::max(fastest_squared_, fastest_squared);
-      sound_ = sound_ && sound;
+      if (breakdown && (!breakdown_ || breakdown->particle < breakdown_->particle)) breakdown_ = breakdown;
     }
 #pragma omp barrier
 #pragma omp single
     {
       unchecked_way_ += time_step_s * std::sqrt(static_cast<double>(fastest_squared_));
       fastest_squared_ = 0.0f;
+      speed_squared_sum_ = 0.0;
+      for (std::size_t run = 0; run < active_.awake().size(); ++run) {
+        speed_squared_sum_ += static_cast<double>(square_sums_[run]);
+      }
       updateActiveSet();
       then();
     }
@@ -139,9 +162,22 @@ class SphBody {
     return active_;
   }
 
-  /// False after updateMotion() met a velocity that cannot be: the integration has broken down.
+  /// False after updateMotion() met what cannot be: the integration has broken down.
   bool sound() const {
-    return sound_;
+    return !breakdown_;
+  }
+  /// Where it did.
+  const std::optional<Breakdown>& breakdown() const {
+    return breakdown_;
+  }
+  /// Puts zero, or the volume at rest, where a state is not finite: what is left of a body that broke down can be
+  /// shown. One thread.
+  void clearNonFinite();
+
+  /// Sum of the particles' squared speeds after updateMotion(), m²/s², to single precision. It is summed run by run and
+  /// does not depend on the number of threads.
+  double speedSquaredSum() const {
+    return speed_squared_sum_;
   }
 
   /// N, from stress and viscosity, of the last updateStress(); w = 0.
@@ -280,7 +316,9 @@ class SphBody {
   std::vector<std::size_t> fallen_asleep_;
 
   float fastest_squared_ = 0.0f;
-  bool sound_ = true;
+  std::optional<Breakdown> breakdown_;
+  std::vector<float> square_sums_;  ///< of the speeds in each run of those that are awake; who sleeps does not move
+  double speed_squared_sum_ = 0.0;
 };
 
 }  // namespace brash_ice_rig

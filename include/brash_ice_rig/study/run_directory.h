@@ -26,6 +26,9 @@ struct EarlierRun {
   std::string note;  ///< kNone: why what is there does not count, empty if there is nothing; kNotFinite: the status
 };
 
+/// Whether a status of summary.json says that the world froze.
+bool isFrozen(const std::string& status);
+
 /// @param stamp  of the program that would make the run, see programStamp()
 EarlierRun findEarlierRun(const std::string& directory, const Scenario& scenario, const std::string& stamp);
 

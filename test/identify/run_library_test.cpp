@@ -26,12 +26,11 @@ class RunLibraryTest : public ::testing::Test {
   }
 
   TemporaryDirectory directory_;
-  MessagePassing messages_;
 };
 
 TEST_F(RunLibraryTest, AWorldThatFreezesSaysThatItsParametersCannotBeSimulated) {
   RunLibrary runs(directory_.file("runs"),
-                  programThat("printf '{\"status\": \"non_finite: why\"}' > \"$4/summary.json\"; exit 1\n"), messages_);
+                  programThat("printf '{\"status\": \"non_finite: why\"}' > \"$4/summary.json\"; exit 1\n"));
   const std::string key = runs.request(Scenario{});
   runs.makeMissing("test");
   EXPECT_TRUE(runs.failed(key));
@@ -39,7 +38,7 @@ TEST_F(RunLibraryTest, AWorldThatFreezesSaysThatItsParametersCannotBeSimulated) 
 
 TEST_F(RunLibraryTest, ARunThatCouldNotBeMadeSaysNothingAboutItsParameters) {
   for (const char* script : {"echo 'force.csv: No space left on device'; exit 1\n", "kill -9 $$\n"}) {
-    RunLibrary runs(directory_.file("runs"), programThat(script), messages_);
+    RunLibrary runs(directory_.file("runs"), programThat(script));
     const std::string key = runs.request(Scenario{});
     try {
       runs.makeMissing("test");

@@ -98,7 +98,7 @@ def at_work(out, host=None):
     return found
 
 
-def wait_until(condition, timeout_s=60.0):
+def wait_until(condition, timeout_s=300.0):
     end = time.monotonic() + timeout_s
     while not condition():
         if time.monotonic() > end:
@@ -108,7 +108,7 @@ def wait_until(condition, timeout_s=60.0):
 
 def stop_in_a_run(host, out):
     """Stops all processes of a host (SIGSTOP) while one of its runs is under way. Returns that run's directory."""
-    end = time.monotonic() + 60.0
+    end = time.monotonic() + 300.0
     while time.monotonic() < end:
         wait_until(lambda: at_work(out, host))
         host.send(signal.SIGSTOP)

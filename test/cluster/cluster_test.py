@@ -15,6 +15,7 @@ import campaign
 from hosts import Cluster, Unavailable
 
 LEASE = ["--lease", "3"]
+PATIENCE_S = 400  # on a machine that others load, too; ctest has the last word
 
 
 class ClusterTest(unittest.TestCase):
@@ -59,7 +60,7 @@ class ClusterTest(unittest.TestCase):
 
     def test_mpirun_over_two_hosts_gives_the_same_bits(self):
         mpirun = self.mpirun(campaign.study_command("out"), "log.txt")
-        self.assertEqual(mpirun.wait(120), 0, self.text("log.txt"))
+        self.assertEqual(mpirun.wait(PATIENCE_S), 0, self.text("log.txt"))
         lines = self.text("log.txt").splitlines()
         counts = [campaign.made("\n".join(line for line in lines if line.startswith(f"[1,{rank}]"))) for rank in (0, 1)]
         self.assertEqual(sum(counts), campaign.RUNS, self.text("log.txt"))
@@ -72,7 +73,7 @@ class ClusterTest(unittest.TestCase):
         self.second.die()
         self.assertNotEqual(processes[1].wait(10), 0)
         self.assertIn(lost, campaign.at_work(self.out), "nobody has noticed yet")
-        self.assertEqual(processes[0].wait(120), 0, self.text("0.txt"))
+        self.assertEqual(processes[0].wait(PATIENCE_S), 0, self.text("0.txt"))
         counts = [campaign.made(self.text(f"{i}.txt")) for i in (0, 1)]
         self.assertEqual(sum(counts), campaign.RUNS, "what the dead host had finished is not made again")
         self.expect_the_same_results()
@@ -83,7 +84,7 @@ class ClusterTest(unittest.TestCase):
         campaign.wait_until(lambda: os.path.exists(os.path.join(lost, "claim.2")) or processes[0].poll() is not None)
         self.second.send(signal.SIGCONT)
         for process, log in zip(processes, ("0.txt", "1.txt")):
-            self.assertEqual(process.wait(120), 0, self.text(log))
+            self.assertEqual(process.wait(PATIENCE_S), 0, self.text(log))
         self.assertEqual(sum(campaign.made(self.text(f"{i}.txt")) for i in (0, 1)), campaign.RUNS)
         self.expect_the_same_results()
 
@@ -91,13 +92,13 @@ class ClusterTest(unittest.TestCase):
         mpirun = self.mpirun(campaign.study_command("out", *LEASE), "log.txt")
         campaign.stop_in_a_run(self.second, self.out)
         self.second.die()
-        self.assertNotEqual(mpirun.wait(60), 0, "Open MPI ends all when it loses a host")
+        self.assertNotEqual(mpirun.wait(PATIENCE_S), 0, "Open MPI ends all when it loses a host")
         made_before = campaign.made(self.text("log.txt"))
         at_work = len(campaign.at_work(self.out))
         self.assertFalse(os.path.exists(os.path.join(self.out, "results.csv")))
         self.cluster.revive(self.second)
         again = self.mpirun(campaign.study_command("out", *LEASE), "again.txt")
-        self.assertEqual(again.wait(120), 0, self.text("again.txt"))
+        self.assertEqual(again.wait(PATIENCE_S), 0, self.text("again.txt"))
         self.assertLessEqual(campaign.made(self.text("again.txt")), campaign.RUNS - made_before)
         self.assertLessEqual(at_work, 2)
         self.expect_the_same_results()
@@ -106,7 +107,7 @@ class ClusterTest(unittest.TestCase):
         campaign.prepare_record(self.directory)
         campaign.run_alone(self.directory, campaign.identify_command("identified_alone", "--screen"))
         mpirun = self.mpirun(campaign.identify_command("out", "--screen"), "log.txt")
-        self.assertEqual(mpirun.wait(120), 0, self.text("log.txt"))
+        self.assertEqual(mpirun.wait(PATIENCE_S), 0, self.text("log.txt"))
         self.assertEqual(campaign.findings(self.out), campaign.findings(self.path("identified_alone")))
         self.assertEqual(self.text("log.txt").count("/report.json"), 1, "one process writes it")
 

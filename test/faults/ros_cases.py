@@ -175,7 +175,7 @@ def case_deaf_subscriber(context):
                         f"{factor:.3f}", "messages for the one that does not read"
 
 
-@case("20 subscribers of the ice and 20 of the load cell", quick=True)
+@case("20 subscribers of the ice and 20 of the load cell")
 def case_twenty_subscribers(context):
     master = start_master(context)
     rig = Rig(master).wait_until_up()

@@ -234,7 +234,7 @@ double armLength(const CollectorConfig& collector) {
 }
 
 double unfoldedArmAngle(const CollectorConfig& collector) {
-  return repeatable::asin(collector.rim_height_m / armLength(collector));
+  return repeatable::atan(collector.rim_height_m / collector.radius_m);
 }
 
 double startHubHeight(const Scenario& scenario) {

@@ -134,6 +134,19 @@ double asin(double x) {
   return x < 0.0 ? -angle : angle;
 }
 
+double atan(double x) {
+  constexpr double kTanOfSixteenthTurn = 0.41421356237309505;  // of 22.5 degrees
+  const double size = std::abs(x);
+  // atan x = b + atan s with the nearest of b = 0, pi / 4 and pi / 2.
+  const int octants = size > 1.0 / kTanOfSixteenthTurn ? 2 : size > kTanOfSixteenthTurn ? 1 : 0;
+  const double s = octants == 2 ? -1.0 / size : octants == 1 ? (size - 1.0) / (size + 1.0) : size;
+  const double z = s * s;
+  double sum = 0.0;
+  for (int n = 45; n >= 3; n -= 2) sum = (sum + 1.0 / n) * -z;
+  const double angle = octants * (0.5 * kHalfPi) + (s + (s * sum + octants * (0.5 * kHalfPiRest)));
+  return x < 0.0 ? -angle : angle;
+}
+
 double pow(double x, double y) {
   if (y == 0.0 || x == 1.0) return 1.0;
   return exp(y * log(x));

@@ -64,6 +64,9 @@ TEST(Repeatable, ErrorsAreAsDocumented) {
   EXPECT_ERROR(cos, 0.0, 1e8, 1.0);
   EXPECT_ERROR(asin, -1.0, 1.0, 3.0);
   EXPECT_ERROR(asin, 0.999, 1.0, 3.0);
+  EXPECT_ERROR(atan, -1.0, 1.0, 2.0);
+  EXPECT_ERROR(atan, -30.0, 30.0, 2.0);
+  EXPECT_ERROR(atan, 1.0, 1e12, 2.0);
   EXPECT_ERROR(cbrt, -3.0, 3.0, 1.0);
   EXPECT_ERROR(cbrt, 1e-300, 1e-290, 1.0);
   for (const double y : {-2.5, 0.1, 0.7, 3.0}) {
@@ -89,6 +92,9 @@ TEST(Repeatable, EndsOfTheRanges) {
   EXPECT_EQ(repeatable::log1p(kInfinity), kInfinity);
   EXPECT_EQ(repeatable::asin(1.0), std::acos(0.0));
   EXPECT_EQ(repeatable::asin(-1.0), -std::acos(0.0));
+  EXPECT_EQ(repeatable::atan(1.0), 0.5 * std::acos(0.0));
+  EXPECT_EQ(repeatable::atan(kInfinity), std::acos(0.0));
+  EXPECT_EQ(repeatable::atan(-kInfinity), -std::acos(0.0));
   EXPECT_EQ(repeatable::cos(0.0), 1.0);
   EXPECT_EQ(repeatable::pow(0.0, 0.3), 0.0);
   EXPECT_EQ(repeatable::pow(0.0, 0.0), 1.0);

@@ -6,7 +6,7 @@
 /// where the processor has fused multiply-add, and other versions of it round differently. These use nothing but
 /// IEEE 754's + - * / and square root, whose results are prescribed, and must be compiled without contraction.
 ///
-/// Largest errors, in units in the last place (ulp): exp, log, sin, cos, cbrt 1; log1p 2; asin 3; expm1 4; pow
+/// Largest errors, in units in the last place (ulp): exp, log, sin, cos, cbrt 1; log1p, atan 2; asin 3; expm1 4; pow
 /// 1 + 3 |y ln x|. NaN gives NaN.
 namespace brash_ice_rig::repeatable {
 
@@ -27,6 +27,8 @@ double cos(double x);
 
 /// @param x  -1 to 1; NaN outside
 double asin(double x);
+
+double atan(double x);
 
 /// x^y for x ≥ 0; NaN below. 0^y is 0, 1 or infinity, by the sign of y.
 double pow(double x, double y);

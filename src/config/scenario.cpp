@@ -99,8 +99,7 @@ void checkCollector(const Scenario& scenario) {
           "must be at most " + rounded(largest_radius) + ": half of the field's shorter side (" +
               formatNumber(half_side) + ") less 2 times field.spacing_m");
   const double unfolded_deg = unfoldedArmAngle(collector) / kDegree;
-  constexpr double kRoundOffDeg = 1e-9;
-  require(collector.folded_arm_angle_deg > unfolded_deg + kRoundOffDeg, "collector.folded_arm_angle_deg",
+  require(collector.folded_arm_angle_deg > unfolded_deg, "collector.folded_arm_angle_deg",
           collector.folded_arm_angle_deg,
           "must be greater than the unfolded arm's angle atan(rim_height_m / radius_m) = " + rounded(unfolded_deg));
   // The pole that stands in the ice from the start pushes the blocks in its way aside: one layer of them, not more.

@@ -88,7 +88,10 @@ Claims::Claims(double lease_s) : lease_s_(lease_s) {
 }
 
 Claims::~Claims() {
-  while (!mine_.empty()) release(mine_.begin()->first);
+  while (!mine_.empty()) {
+    const std::string directory = mine_.begin()->first;  // release() erases the one in the map
+    release(directory);
+  }
 }
 
 /// name, kernel, process id, its start, lease, beat; of the same length always, so that it can be rewritten in place

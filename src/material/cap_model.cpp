@@ -99,8 +99,10 @@ CapParameters makeCapParameters(const IceConfig& ice, double stiffness_scale, do
   const ElasticModuli moduli = computeElasticModuli(stiffness_scale * elastic_modulus, ice.poisson_ratio);
   const ShearSurface surface = computeShearSurface(ice.cohesion_pa, ice.friction_angle_deg);
   CapParameters result;
-  result.alpha_pa = ice.shear_constant_pa.value_or(surface.constant_pa);
-  result.theta = ice.shear_slope.value_or(surface.slope);
+  // Ranges that are open at 0 admit values so small that their products vanish.
+  constexpr double kLeast = 1e-30;
+  result.alpha_pa = std::max(ice.shear_constant_pa.value_or(surface.constant_pa), kLeast);
+  result.theta = std::max(ice.shear_slope.value_or(surface.slope), kLeast);
   result.aspect_ratio = ice.cap_aspect_ratio;
   result.initial_intercept_pa = ice.cap_initial_intercept_pa;
   result.max_compaction = ice.cap_max_compaction;

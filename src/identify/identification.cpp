@@ -453,8 +453,8 @@ LinearModel Chain::linearModel(const Model& model) const {
   return m;
 }
 
-/// Errors beside a model: those of the baseline, and what the law of its effects may be off at the present amplitudes. A
-/// load cell's bias or scale has no other law: with that freedom, a little of it would explain anything smooth.
+/// Errors beside a model: those of the baseline, and what the law of its effects may be off at the present amplitudes.
+/// A load cell's bias or scale has no other law: with that freedom, a little of it would explain anything smooth.
 ErrorModel Chain::errorsOf(const Model& model) const {
   ErrorModel errors = errors_;
   if (model.effect_columns.cols() == 0 || model.fit.x.size() == 0) return errors;

@@ -30,7 +30,7 @@ struct ParameterEstimate {
 /// An effect with its shape decided, and what is left to be found.
 struct Variant {
   const EffectDescription* effect = nullptr;
-  std::string label;    ///< tells the variants of an effect apart
+  std::string label;  ///< tells the variants of an effect apart
   std::vector<Amplitude> amplitudes;
   /// Values of the effect's parameters for given amplitudes, the effect switched on.
   std::function<void(EffectValues&, const Eigen::VectorXd&)> apply;

@@ -30,7 +30,7 @@ struct Discrepancy {
   double rest_share = 0.01;     ///< of the largest force: how the rig touches the ice before the first motion
   double rest_length_m = 0.05;  ///< over which that is forgotten
   double form_share = 0.3;      ///< of what an effect does: laws differ
-  double form_length_m = 0.3;  ///< over which that changes
+  double form_length_m = 0.3;   ///< over which that changes
   double creep_mps = 0.002;     ///< ice at rest changes as if the hoist covered this
 };
 

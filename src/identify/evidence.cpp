@@ -137,6 +137,182 @@ LinearFit fitLinear(const Eigen::VectorXd& y, const LinearModel& m, const ErrorM
   return fit;
 }
 
+namespace {
+
+/// A model without one of its unknowns, which is held.
+struct HeldModel {
+  LinearModel rest;
+  Eigen::VectorXd column;
+  double prior_mean, prior_sigma;
+  bool positive;
+
+  HeldModel(const LinearModel& m, Eigen::Index held)
+      : column(m.columns.col(held)),
+        prior_mean(m.prior_mean[held]),
+        prior_sigma(m.prior_sigma[held]),
+        positive(m.positive[static_cast<std::size_t>(held)]) {
+    const Eigen::Index count = m.columns.cols() - 1;
+    rest.columns.resize(m.columns.rows(), count);
+    rest.prior_mean.resize(count);
+    rest.prior_sigma.resize(count);
+    for (Eigen::Index k = 0, to = 0; k <= count; ++k) {
+      if (k == held) continue;
+      rest.columns.col(to) = m.columns.col(k);
+      rest.prior_mean[to] = m.prior_mean[k];
+      rest.prior_sigma[to] = m.prior_sigma[k];
+      rest.positive.push_back(m.positive[static_cast<std::size_t>(k)]);
+      ++to;
+    }
+    rest.offset = m.offset;
+  }
+
+  double logPrior(double a) const {
+    const double z = (a - prior_mean) / prior_sigma;
+    return -0.5 * z * z - std::log(prior_sigma * std::sqrt(2.0 * std::acos(-1.0))) + (positive ? std::log(2.0) : 0.0);
+  }
+};
+
+/// Weights of the trapezoidal rule.
+std::vector<double> trapezoids(const std::vector<double>& at) {
+  std::vector<double> weights(at.size(), 0.0);
+  for (std::size_t i = 0; i + 1 < at.size(); ++i) {
+    weights[i] += 0.5 * (at[i + 1] - at[i]);
+    weights[i + 1] += 0.5 * (at[i + 1] - at[i]);
+  }
+  return weights;
+}
+
+}  // namespace
+
+LinearFit fitWithForm(const Eigen::VectorXd& y, const LinearModel& m, const ErrorModel& errors, Eigen::Index column,
+                      const Eigen::MatrixXd& form, UnknownDensity& density) {
+  assert(column >= 0 && column < m.columns.cols());
+  const HeldModel held(m, column);
+  const auto errorsAt = [&](double a) {
+    ErrorModel e = errors;
+    e.noise += a * a * form;
+    return e;
+  };
+  // ln of the density, with kappa at its mode: on the parabola through three values about a near guess.
+  double log_kappa = std::log(fitLinear(y, m, errors).kappa);
+  const auto logDensity = [&](double a) {
+    constexpr double kStep = 0.2;
+    const ErrorModel e = errorsAt(a);
+    LinearModel model = held.rest;
+    model.offset += a * held.column;
+    const auto at = [&](double lk) { return solve(y, model, FactoredErrors(e, std::exp(lk))).log_evidence; };
+    double best = at(log_kappa);
+    for (int pass = 0; pass < 2; ++pass) {
+      const double below = at(log_kappa - kStep), above = at(log_kappa + kStep);
+      const double bend = below - 2.0 * best + above;
+      const double move = bend < 0.0 ? 0.5 * kStep * (below - above) / bend : above > below ? kStep : -kStep;
+      const double bound = std::log(kMaxKappa);
+      const double moved = std::clamp(log_kappa + std::clamp(move, -3.0 * kStep, 3.0 * kStep), -bound, bound);
+      const bool near = std::abs(moved - log_kappa) < kStep;
+      const double there = at(moved);
+      if (there > best) {
+        best = there;
+        log_kappa = moved;
+      }
+      if (near) break;
+    }
+    return best + held.logPrior(a);
+  };
+
+  // From coarse to fine where the density is: a cell is halved while it is within reach of the top and bends.
+  constexpr double kReach = 4.0, kDeep = 8.0, kStepNats = 0.5, kStepAtTopNats = 0.05;
+  constexpr std::size_t kCells = 12, kMost = 80;
+  const double low = held.positive ? 0.0 : held.prior_mean - kReach * held.prior_sigma;
+  const double high = held.prior_mean + kReach * held.prior_sigma;
+  density = {};
+  for (std::size_t i = 0; i <= kCells; ++i) {
+    density.value.push_back(low + (high - low) * static_cast<double>(i) / static_cast<double>(kCells));
+    density.log_density.push_back(logDensity(density.value.back()));
+  }
+  for (bool finer = true; finer && density.value.size() < kMost;) {
+    finer = false;
+    const double top = *std::max_element(density.log_density.begin(), density.log_density.end());
+    UnknownDensity halved;
+    for (std::size_t i = 0; i < density.value.size(); ++i) {
+      halved.value.push_back(density.value[i]);
+      halved.log_density.push_back(density.log_density[i]);
+      if (i + 1 == density.value.size()) break;
+      const double here = density.log_density[i], next = density.log_density[i + 1];
+      const bool close = std::max(here, next) > top - kDeep;
+      const double step = here == top || next == top ? kStepAtTopNats : kStepNats;
+      const bool wide = density.value[i + 1] - density.value[i] > 1e-4 * (high - low);
+      if (wide && close && std::abs(next - here) > step) {
+        const double middle = 0.5 * (density.value[i] + density.value[i + 1]);
+        halved.value.push_back(middle);
+        halved.log_density.push_back(logDensity(middle));
+        finer = true;
+      }
+    }
+    density = halved;
+  }
+
+  const std::vector<double> weights = trapezoids(density.value);
+  const auto top = static_cast<std::size_t>(std::max_element(density.log_density.begin(), density.log_density.end()) -
+                                            density.log_density.begin());
+  double sum = 0.0, first = 0.0, second = 0.0;
+  for (std::size_t i = 0; i < weights.size(); ++i) {
+    const double p = weights[i] * std::exp(density.log_density[i] - density.log_density[top]);
+    const double off = density.value[i] - density.value[top];
+    sum += p;
+    first += p * off;
+    second += p * off * off;
+  }
+  const double a = density.value[top];
+  LinearModel model = held.rest;
+  model.offset += a * held.column;
+  const LinearFit rest = fitLinear(y, model, errorsAt(a));
+  LinearFit fit = rest;
+  fit.log_evidence = density.log_density[top] + std::log(sum);
+  const Eigen::Index count = m.columns.cols();
+  fit.x.resize(count);
+  fit.covariance = Eigen::MatrixXd::Zero(count, count);
+  for (Eigen::Index k = 0, from = 0; k < count; ++k) {
+    if (k == column) continue;
+    fit.x[k] = rest.x[from];
+    for (Eigen::Index l = 0, other = 0; l < count; ++l) {
+      if (l != column) fit.covariance(k, l) = rest.covariance(from, other++);
+    }
+    ++from;
+  }
+  fit.x[column] = a;
+  fit.covariance(column, column) = second / sum - first * first / (sum * sum);
+  return fit;
+}
+
+double computeQuantile(const std::vector<UnknownDensity>& densities, double share) {
+  assert(!densities.empty());
+  double top = -std::numeric_limits<double>::infinity();
+  double low = std::numeric_limits<double>::infinity(), high = -low;
+  for (const UnknownDensity& d : densities) {
+    top = std::max(top, *std::max_element(d.log_density.begin(), d.log_density.end()));
+    low = std::min(low, d.value.front());
+    high = std::max(high, d.value.back());
+  }
+  // Probability below x, not normalised: trapezoids of each density, the last one cut at x.
+  const auto below = [&](double x) {
+    double sum = 0.0;
+    for (const UnknownDensity& d : densities) {
+      for (std::size_t i = 0; i + 1 < d.value.size() && d.value[i] < x; ++i) {
+        const double part = std::min((x - d.value[i]) / (d.value[i + 1] - d.value[i]), 1.0);
+        const double here = std::exp(d.log_density[i] - top), next = std::exp(d.log_density[i + 1] - top);
+        sum += part * (d.value[i + 1] - d.value[i]) * (here + 0.5 * part * (next - here));
+      }
+    }
+    return sum;
+  };
+  const double wanted = share * below(high);
+  for (int halving = 0; halving < 60; ++halving) {
+    const double middle = 0.5 * (low + high);
+    (below(middle) < wanted ? low : high) = middle;
+  }
+  return 0.5 * (low + high);
+}
+
 Detectability::Detectability(const LinearModel& baseline, const ErrorModel& errors, double kappa) {
   const Eigen::MatrixXd scaled = baseline.columns * baseline.prior_sigma.asDiagonal();
   const auto llt = factored(errors.noise + kappa * kappa * errors.discrepancy + scaled * scaled.transpose());

@@ -4,17 +4,16 @@
 #include <cassert>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <functional>
 #include <limits>
 #include <map>
 #include <memory>
 #include <optional>
 #include <set>
-
-#include <Eigen/Cholesky>
+#include <tuple>
 
 #include "brash_ice_rig/identify/overlay.h"
+#include "brash_ice_rig/identify/verdict.h"
 #include "brash_ice_rig/material/cap_model.h"
 
 namespace brash_ice_rig {
@@ -31,11 +30,11 @@ constexpr double kJitterRatio = 0.1;
 constexpr double kSampleRateHz = 20.0;
 /// Explanations that are confirmed by simulation, and the passes of Gauss-Newton for each.
 constexpr std::size_t kConfirmed = 4;
+/// ln of the Bayes factor below which a straight line's verdict is final: a simulation would not make up for 5.
+constexpr double kWorthSimulating = 1.0;
 constexpr int kPasses = 2;
-constexpr int kLags = 20;
 /// Where references say how far the simulator is off, nothing is known better than this share of the largest force.
 constexpr double kReferenceFloor = 0.005;
-constexpr double kMeanWindowS = 1.0, kResidualWindowS = 4.5;
 
 // What is believed of the ice where the manifest does not say, as standard deviations.
 constexpr double kVoidSigma = 0.06, kCohesionShare = 0.5, kFrictionSigmaDeg = 5.0;
@@ -109,12 +108,15 @@ struct Site {
 struct Model {
   std::vector<const Variant*> variants;
   double screened = 0.0;        ///< ln of the Bayes factor before anything was simulated
+  LinearFit screened_fit;       ///< likewise
   double shape_log_odds = 0.0;  ///< what the choice of the shape costs, <= 0
   Eigen::VectorXd offset;       ///< such that offset + columns x is the force
   Eigen::MatrixXd effect_columns;
   LinearFit fit;
-  Eigen::VectorXd x;        ///< at which it was simulated
-  Eigen::VectorXd curve_n;  ///< simulated there
+  UnknownDensity density;                    ///< of its amplitude, where it has one; empty otherwise
+  std::vector<UnknownDensity> other_shapes;  ///< the same of the effect's other shapes, as screened
+  Eigen::VectorXd x;                         ///< at which it was simulated
+  Eigen::VectorXd curve_n;                   ///< simulated there
   bool simulated = false, frozen = false;
 };
 
@@ -147,7 +149,7 @@ class Chain {
   std::vector<std::string> requestSignature(const Site& site, const Variant& variant);
   Eigen::MatrixXd signature(const Site& site, const Variant& variant);
   LinearModel linearModel(const Model& model) const;
-  ErrorModel errorsOf(const Model& model) const;
+  ErrorModel errorsAt(const Model& model, const Eigen::VectorXd& amplitudes) const;
   void refit(Model& model) const;
   Model linear(const std::vector<const Variant*>& variants) const;
   double findPlaces(const Model& start, const std::vector<double>& places, const Amplitude& prior,
@@ -161,7 +163,6 @@ class Chain {
   void addSecondEffect(std::vector<Model>& models, const Model& baseline);
   void evaluateHoldout(const Model& baseline, const std::vector<Model>& models, Identification& result);
   void addDetectable(Identification& result, const Detectability& detectability) const;
-  void decide(Identification& result, const Model& baseline);
 
   const IdentifyInput& input_;
   bool baseline_only_ = false;
@@ -453,17 +454,16 @@ LinearModel Chain::linearModel(const Model& model) const {
   return m;
 }
 
-/// Errors beside a model: those of the baseline, and what the law of its effects may be off at the present amplitudes.
+/// Errors beside a model: those of the baseline, and what the law of its effects may be off at these amplitudes.
 /// A load cell's bias or scale has no other law: with that freedom, a little of it would explain anything smooth.
-ErrorModel Chain::errorsOf(const Model& model) const {
+ErrorModel Chain::errorsAt(const Model& model, const Eigen::VectorXd& amplitudes) const {
   ErrorModel errors = errors_;
-  if (model.effect_columns.cols() == 0 || model.fit.x.size() == 0) return errors;
   Eigen::VectorXd change = Eigen::VectorXd::Zero(data_.size());
   Eigen::Index column = 0;
   for (const Variant* v : model.variants) {
     const auto count = static_cast<Eigen::Index>(v->amplitudes.size());
     if (!v->effect->reading_only) {
-      change += model.effect_columns.middleCols(column, count) * model.fit.x.segment(unknowns() + column, count);
+      change += model.effect_columns.middleCols(column, count) * amplitudes.segment(column, count);
     }
     column += count;
   }
@@ -475,12 +475,18 @@ ErrorModel Chain::errorsOf(const Model& model) const {
   return errors;
 }
 
-/// Twice where there is an effect: how far its law may be off depends on how much of it there is.
+/// How far an effect's law may be off depends on how much of it there is. That is integrated over one amplitude; with
+/// several, they are fitted twice.
 void Chain::refit(Model& model) const {
   const LinearModel m = linearModel(model);
   const bool has_effect = model.effect_columns.cols() > 0;
+  if (model.effect_columns.cols() == 1 && !model.variants[0]->effect->reading_only) {
+    const ErrorModel errors = errorsAt(model, Eigen::VectorXd::Ones(1));
+    model.fit = fitWithForm(data_, m, errors_, unknowns(), errors.noise - errors_.noise, model.density);
+    return;
+  }
   if (!has_effect || model.fit.x.size() != m.columns.cols()) model.fit = fitLinear(data_, m, errors_);
-  if (has_effect) model.fit = fitLinear(data_, m, errorsOf(model));
+  if (has_effect) model.fit = fitLinear(data_, m, errorsAt(model, model.fit.x.tail(model.effect_columns.cols())));
 }
 
 Model Chain::linear(const std::vector<const Variant*>& variants) const {
@@ -669,6 +675,26 @@ void Chain::confirm(std::vector<Model*> models, const std::string& what, int pas
   }
 }
 
+/// Central 95 % of an amplitude, over all shapes of the effect. What the simulation of the best shape changed of its
+/// amplitude and evidence is taken to hold for the others.
+std::pair<double, double> amplitudeInterval(const Model& model) {
+  const Eigen::Index last = model.fit.x.size() - 1;
+  const double shift = model.fit.x[last] - model.screened_fit.x[last];
+  const double gain = model.fit.log_evidence - model.screened_fit.log_evidence;
+  std::vector<UnknownDensity> all{model.density};
+  for (const UnknownDensity& screened : model.other_shapes) {
+    UnknownDensity moved;
+    for (std::size_t i = 0; i < screened.value.size(); ++i) {
+      const double value = screened.value[i] + shift;
+      if (model.variants[0]->amplitudes[0].positive && value < 0.0) continue;
+      moved.value.push_back(value);
+      moved.log_density.push_back(screened.log_density[i] + gain);
+    }
+    if (moved.value.size() > 1) all.push_back(moved);
+  }
+  return {computeQuantile(all, 0.025), computeQuantile(all, 0.975)};
+}
+
 Explanation Chain::explain(const Model& model, const Model& baseline, const Detectability& detectability) const {
   Explanation e;
   e.holdout_rmse_n = e.holdout_ratio = kNaN;
@@ -683,7 +709,7 @@ Explanation Chain::explain(const Model& model, const Model& baseline, const Dete
   e.chi2_per_bin = model.fit.chi2_per_datum;
   const double excess = baseline.fit.chi2_per_datum - 1.0;
   e.explained_ratio = excess > 0.0 ? (baseline.fit.chi2_per_datum - e.chi2_per_bin) / excess : kNaN;
-  e.portmanteau_p = computeLjungBox(model.fit.whitened, kLags);
+  e.portmanteau_p = computeLjungBox(model.fit.whitened, kPortmanteauLags);
   const Eigen::VectorXd x = model.simulated ? model.x : model.fit.x;
   e.detectability = detectability.of(model.effect_columns * x.tail(model.effect_columns.cols()));
   const Eigen::VectorXd error = data_ - (model.simulated ? model.curve_n : model.fit.mean);
@@ -696,6 +722,10 @@ Explanation Chain::explain(const Model& model, const Model& baseline, const Dete
       e.parameters.push_back(p);
     }
     column += count;
+  }
+  if (model.variants.size() == 1 && !model.density.value.empty()) {
+    ParameterEstimate& p = e.parameters.front();
+    std::tie(p.low, p.high) = amplitudeInterval(model);
   }
   for (std::size_t k = 0; k < ice_.size(); ++k) {
     e.baseline.push_back(ice_[k].prior + x[static_cast<Eigen::Index>(k)]);
@@ -738,43 +768,6 @@ void Chain::addSecondEffect(std::vector<Model>& models, const Model& baseline) {
   if (best->simulated && score(*best) - score(first) > thresholds_.second_effect) models.insert(models.begin(), *best);
 }
 
-CurveError computeError(const Observation& o, const Eigen::VectorXd& curve, const Eigen::MatrixXd& covariance) {
-  CurveError e;
-  std::vector<Eigen::Index> rows;
-  for (Eigen::Index i = 0; i < o.time_s.size(); ++i) {
-    if (o.time_s[i] > 0.0) rows.push_back(i);
-  }
-  const auto n = static_cast<Eigen::Index>(rows.size());
-  if (n == 0) return e;
-  Eigen::VectorXd record(n), model(n), time(n);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    record[i] = o.force_n[rows[static_cast<std::size_t>(i)]];
-    model[i] = curve[rows[static_cast<std::size_t>(i)]];
-    time[i] = o.time_s[rows[static_cast<std::size_t>(i)]];
-  }
-  const auto window = std::max<Eigen::Index>(1, static_cast<Eigen::Index>(kMeanWindowS / kBinS));
-  const auto peakOf = [&](const Eigen::VectorXd& f) {
-    std::pair<double, double> peak{-std::numeric_limits<double>::infinity(), 0.0};
-    for (Eigen::Index i = 0; i + window <= n; ++i) {
-      const double mean = f.segment(i, window).mean();
-      if (mean > peak.first) peak = {mean, time.segment(i, window).mean()};
-    }
-    return peak;
-  };
-  const Eigen::VectorXd difference = model - record;
-  e.rmse_n = std::sqrt(difference.squaredNorm() / static_cast<double>(n));
-  const auto measured = peakOf(record), simulated = peakOf(model);
-  e.nrmse_ratio = e.rmse_n / std::abs(measured.first);
-  e.peak_error_n = simulated.first - measured.first;
-  e.peak_time_error_s = simulated.second - measured.second;
-  const auto last = std::min<Eigen::Index>(n, static_cast<Eigen::Index>(kResidualWindowS / kBinS));
-  e.residual_level_error_n = difference.tail(last).mean();
-  e.max_abs_n = difference.cwiseAbs().maxCoeff();
-  const Eigen::LLT<Eigen::MatrixXd> llt(covariance);
-  e.ljung_box_p = computeLjungBox(llt.matrixL().solve(o.force_n - curve), kLags);
-  return e;
-}
-
 /// The delay within 1.5 s with which a curve fits a record best; a delay of 0.5 s costs what one standard deviation
 /// costs.
 double bestDelay(const Site& site, const std::vector<SimulatedForce>& forces) {
@@ -812,14 +805,14 @@ void Chain::evaluateHoldout(const Model& baseline, const std::vector<Model>& mod
   given.x = Eigen::VectorXd::Zero(unknowns());
   given.simulated = true;
   std::vector<const Model*> all{&given, &baseline};
-  for (const Model& model : models) all.push_back(&model);
-  for (const Model* model : all) {
-    if (model->simulated) forcesOf(*model, true);
+  // What the evidence speaks against needs no prediction.
+  for (std::size_t k = 0; k < models.size(); ++k) {
+    if (models[k].simulated && result.ranking[k].log_bayes_factor > 0.0) all.push_back(&models[k]);
   }
+  for (const Model* model : all) forcesOf(*model, true);
   runs_.makeMissing("held-out record");
   std::map<const Model*, Eigen::VectorXd> curves;
   for (const Model* model : all) {
-    if (!model->simulated) continue;
     const std::vector<SimulatedForce> forces = forcesOf(*model, false);
     if (forces.empty()) continue;
     const double delay = bestDelay(site, forces);
@@ -924,92 +917,6 @@ void Chain::addDetectable(Identification& result, const Detectability& detectabi
   }
 }
 
-std::string shortNumber(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.3g", value);
-  return text;
-}
-
-std::string joined(const std::vector<std::string>& names, const char* last) {
-  std::string text;
-  for (std::size_t i = 0; i < names.size(); ++i) {
-    text += i == 0 ? "" : i + 1 == names.size() ? std::string(" ") + last + " " : ", ";
-    text += names[i];
-  }
-  return text;
-}
-
-const EffectDescription* findEffect(const std::string& name) {
-  for (const EffectDescription& effect : effectRegistry()) {
-    if (name == effect.name) return &effect;
-  }
-  return nullptr;
-}
-
-void Chain::decide(Identification& result, const Model& baseline) {
-  result.bins = static_cast<std::size_t>(data_.size());
-  result.chi2_per_bin = baseline.fit.chi2_per_datum;
-  result.portmanteau_p = computeLjungBox(baseline.fit.whitened, kLags);
-  result.kappa = baseline.fit.kappa;
-  const bool excess = result.chi2_per_bin > thresholds_.chi2_per_bin;
-  // Residuals that are smaller than what is allowed for may be correlated: the allowance is not known that finely.
-  result.significant = excess || (result.chi2_per_bin > thresholds_.portmanteau_chi2_per_bin &&
-                                  result.portmanteau_p < thresholds_.portmanteau_p);
-
-  bool partial = false;
-  for (const Finding& finding : sites_.front().curves.report.findings) {
-    partial = partial || finding.code == "too_short" || finding.code == "no_contact";
-  }
-
-  // A second effect has to show on the held-out record, too: the pair must predict it better than either alone.
-  const auto earnsItsPlace = [&](const Explanation& pair) {
-    for (const Explanation& e : result.ranking) {
-      const bool part = e.effects.size() == 1 && e.confirmed &&
-                        std::count(pair.effects.begin(), pair.effects.end(), e.effects[0]) > 0;
-      if (part && e.holdout_rmse_n < pair.holdout_rmse_n * thresholds_.holdout_ratio) return false;
-    }
-    return true;
-  };
-  const auto holds = [&](const Explanation& e) {
-    if (e.effects.size() > 1 && !earnsItsPlace(e)) return false;
-    return e.confirmed && e.log_bayes_factor > e.threshold && !(e.holdout_ratio > thresholds_.holdout_ratio) &&
-           (!excess || e.explained_ratio >= thresholds_.explained_ratio);
-  };
-  std::vector<const Explanation*> accepted;
-  for (const Explanation& e : result.ranking) {
-    if (holds(e)) accepted.push_back(&e);
-  }
-  if (!accepted.empty()) {
-    const Explanation& best = *accepted.front();
-    result.accepted = static_cast<std::size_t>(&best - result.ranking.data());
-    result.effects = best.effects;
-    result.verdict = Verdict::kEffect;
-    if (best.effects.size() == 1) {
-      for (const Explanation& e : result.ranking) {
-        if (&e == &best || e.effects.size() != 1 || e.effects == best.effects) continue;
-        if (e.holdout_ratio > thresholds_.holdout_ratio) continue;  // the held-out record speaks against it
-        const bool close =
-            e.log_bayes_factor > best.log_bayes_factor - thresholds_.rival_nats && e.log_bayes_factor > 0.0;
-        bool same_class = false;
-        for (const ConfusableSet& set : result.confusable) {
-          const bool both = std::count(set.effects.begin(), set.effects.end(), best.effects[0]) > 0 &&
-                            std::count(set.effects.begin(), set.effects.end(), e.effects[0]) > 0;
-          same_class = same_class || both;
-        }
-        same_class = same_class && e.log_bayes_factor > 0.5 * best.log_bayes_factor;
-        if (close || same_class) {
-          result.effects.push_back(e.effects[0]);
-          result.verdict = Verdict::kTie;
-        }
-      }
-    }
-  } else if (partial && !result.significant) {
-    result.verdict = Verdict::kCannotTell;
-  } else {
-    result.verdict = result.significant ? Verdict::kUnknown : Verdict::kNone;
-  }
-}
-
 std::optional<ReferenceLift> Chain::reference(bool simulate) {
   baseline_only_ = true;
   sites_.push_back(makeSite(input_.records.front()));
@@ -1052,23 +959,28 @@ Identification Chain::run() {
   std::vector<Model> models;
   for (const EffectDescription& effect : effectRegistry()) {
     std::vector<double> evidence;
-    std::optional<Model> best;
+    std::vector<Model> shapes;
     for (const auto& v : variants_) {
       if (v->effect != &effect) continue;
-      Model model = linear({v.get()});
-      evidence.push_back(model.fit.log_evidence);
-      if (!best || model.fit.log_evidence > best->fit.log_evidence) best = model;
+      shapes.push_back(linear({v.get()}));
+      evidence.push_back(shapes.back().fit.log_evidence);
     }
-    if (!best) continue;
+    if (shapes.empty()) continue;
+    const auto best = shapes.begin() + (std::max_element(evidence.begin(), evidence.end()) - evidence.begin());
+    for (auto other = shapes.begin(); other != shapes.end(); ++other) {
+      const bool same_unknown = other->variants[0]->amplitudes[0].name == best->variants[0]->amplitudes[0].name;
+      if (other != best && same_unknown && !other->density.value.empty()) best->other_shapes.push_back(other->density);
+    }
     best->shape_log_odds += logMeanExp(evidence) - best->fit.log_evidence;
     best->screened = score(*best) - baseline.fit.log_evidence;
+    best->screened_fit = best->fit;
     models.push_back(*best);
   }
   const auto byScore = [](const Model& a, const Model& b) { return score(a) > score(b); };
   std::stable_sort(models.begin(), models.end(), byScore);
   std::vector<Model*> to_confirm{&baseline};
   for (std::size_t k = 0; k < models.size() && k < kConfirmed; ++k) {
-    if (score(models[k]) - baseline.fit.log_evidence > 0.0) to_confirm.push_back(&models[k]);
+    if (score(models[k]) - baseline.fit.log_evidence > kWorthSimulating) to_confirm.push_back(&models[k]);
   }
   if (!input_.screen_only && to_confirm.size() > 1) {
     confirm(to_confirm, "full simulations of the best explanations", kPasses);
@@ -1083,7 +995,11 @@ Identification Chain::run() {
   for (const Model& model : models) result.ranking.push_back(explain(model, baseline, detectability));
   addDetectable(result, detectability);
   if (input_.holdout && !input_.screen_only) evaluateHoldout(baseline, models, result);
-  decide(result, baseline);
+  result.bins = static_cast<std::size_t>(data_.size());
+  result.chi2_per_bin = baseline.fit.chi2_per_datum;
+  result.portmanteau_p = computeLjungBox(baseline.fit.whitened, kPortmanteauLags);
+  result.kappa = baseline.fit.kappa;
+  decide(result, sites_.front().curves.report, thresholds_);
 
   // The curves, for the explanation that was accepted.
   const Model* best = result.accepted ? &models[*result.accepted] : nullptr;
@@ -1119,9 +1035,9 @@ Identification Chain::run() {
     result.records.push_back(c);
   }
   result.whitened_before = baseline.fit.whitened;
-  result.autocorrelation_before = computeAutocorrelation(baseline.fit.whitened, kLags);
+  result.autocorrelation_before = computeAutocorrelation(baseline.fit.whitened, kPortmanteauLags);
   if (best != nullptr) {
-    result.autocorrelation_after = computeAutocorrelation(best->fit.whitened, kLags);
+    result.autocorrelation_after = computeAutocorrelation(best->fit.whitened, kPortmanteauLags);
     Scenario twin = scenarioAt(sites_.front(), best->x, 0, best->variants, 1);
     Eigen::Index column = unknowns();
     for (const Variant* v : best->variants) {
@@ -1138,93 +1054,11 @@ Identification Chain::run() {
     result.holdout.front().after = predicted_[*result.accepted].error;
   }
 
-  // What people read.
-  const CurveError &refitted = result.records.front().refitted, &after = result.records.front().after;
-  std::vector<std::string>& text = result.summary;
-  switch (result.verdict) {
-    case Verdict::kEffect:
-      text.push_back("The model lacks " + joined(result.effects, "and") + ".");
-      break;
-    case Verdict::kTie:
-      text.push_back("The model lacks one of these: " + joined(result.effects, "or") +
-                     ". This record cannot tell them apart.");
-      break;
-    case Verdict::kUnknown:
-      text.push_back("The model lacks something, and it is none of the effects that are known here.");
-      break;
-    case Verdict::kNone:
-      text.push_back(
-          "Nothing is missing that this record could show: what is left is within noise and the model's own error.");
-      break;
-    case Verdict::kCannotTell:
-      text.push_back("This record cannot tell: it holds too little of a lift.");
-      break;
-  }
-  for (const std::string& name : result.effects) {
-    if (const EffectDescription* effect = findEffect(name)) text.push_back(name + ": " + effect->mechanism + ".");
-  }
-  if (best != nullptr) {
-    const Explanation& e = result.ranking[*result.accepted];
-    std::string evidence = "Evidence: ln of the Bayes factor " + shortNumber(e.log_bayes_factor) +
-                           " (asked: more than " + shortNumber(e.threshold) + "), detectability " +
-                           shortNumber(e.detectability);
-    if (std::isfinite(e.explained_ratio)) {
-      evidence += ", " + shortNumber(100.0 * e.explained_ratio) + " % of the excess explained";
-    }
-    text.push_back(evidence + ".");
-    text.push_back("Error on this record: " + shortNumber(refitted.rmse_n) + " N with the baseline refitted, " +
-                   shortNumber(after.rmse_n) + " N with the effect.");
-    if (std::isfinite(e.holdout_ratio)) {
-      text.push_back("Error on the held-out record: " + shortNumber(result.holdout.front().refitted.rmse_n) +
-                     " N without the effect, " + shortNumber(e.holdout_rmse_n) + " N with it.");
-    }
-  } else {
-    text.push_back("Residual: chi² of " + shortNumber(result.chi2_per_bin) + " per bin (significant above " +
-                   shortNumber(thresholds_.chi2_per_bin) + "), portmanteau p = " + shortNumber(result.portmanteau_p) +
-                   ".");
-  }
-  const auto propose = [&](const std::string& name, std::vector<std::string> separates) {
-    const EffectDescription* effect = findEffect(name);
-    if (effect == nullptr || std::string(effect->how_to_tell).empty()) return;
-    for (const NextExperiment& known : result.next_experiment) {
-      if (known.text == effect->how_to_tell) return;
-    }
-    result.next_experiment.push_back({effect->how_to_tell, std::move(separates)});
-  };
-  for (const std::string& name : result.effects)
-    propose(name, result.effects.size() > 1 ? result.effects : std::vector<std::string>{name});
-  if (result.verdict == Verdict::kUnknown) {
-    result.next_experiment.push_back(
-        {"the same lift again, at once and in another spot: what comes back at the same height is the rig's, at the "
-         "same time the ship's",
-         {}});
-    result.next_experiment.push_back({"a lift with two stops of 6 s, and one without ice", {}});
-  }
-  if (result.verdict == Verdict::kNone || result.verdict == Verdict::kCannotTell) {
-    for (const DetectableMagnitude& m : result.minimum_detectable) {
-      if (m.expected_detectability < thresholds_.detectability) propose(m.effect, {m.effect});
-    }
-  }
+  describe(result, thresholds_);
   return result;
 }
 
 }  // namespace
-
-const char* verdictName(Verdict verdict) {
-  switch (verdict) {
-    case Verdict::kNone:
-      return "none";
-    case Verdict::kEffect:
-      return "effect";
-    case Verdict::kTie:
-      return "tie";
-    case Verdict::kUnknown:
-      return "unknown";
-    case Verdict::kCannotTell:
-      return "cannot_tell";
-  }
-  return "unknown";
-}
 
 Identification identify(const IdentifyInput& input, RunLibrary& runs, const Thresholds& thresholds,
                         const Discrepancy& discrepancy) {

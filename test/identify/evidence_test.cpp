@@ -66,6 +66,62 @@ TEST(LinearFit, KappaGrowsWithWhatTheDiscrepancyHasToExplain) {
   EXPECT_GT(wild.chi2_per_datum, calm.chi2_per_datum);
 }
 
+/// One datum y = a + noise of variance 0.01, a ~ N(0, 1), whose column may be off by 30 %.
+struct OneDatum {
+  LinearModel model;
+  ErrorModel errors;
+  UnknownDensity density;
+  OneDatum() {
+    model.offset = Eigen::VectorXd::Zero(1);
+    model.columns = Eigen::MatrixXd::Ones(1, 1);
+    model.prior_mean = Eigen::VectorXd::Zero(1);
+    model.prior_sigma = Eigen::VectorXd::Ones(1);
+    model.positive = {false};
+    errors.noise = Eigen::MatrixXd::Constant(1, 1, 0.01);
+    errors.discrepancy = Eigen::MatrixXd::Zero(1, 1);
+  }
+  LinearFit fit(double form) {
+    return fitWithForm(Eigen::VectorXd::Ones(1), model, errors, 0, Eigen::MatrixXd::Constant(1, 1, form), density);
+  }
+};
+
+// Integrals over two million points between -4 and 4 with numpy.
+TEST(FitWithForm, EvidenceAndIntervalAreThoseOfTheIntegral) {
+  OneDatum one;
+  const LinearFit fit = one.fit(0.09);
+  EXPECT_NEAR(fit.log_evidence, -1.5292655, 0.02);
+  EXPECT_NEAR(fit.x[0], 0.8704, 0.05);
+  EXPECT_NEAR(fit.covariance(0, 0), 0.09388, 0.1 * 0.09388);
+  EXPECT_NEAR(computeQuantile({one.density}, 0.025), 0.5982, 0.03);
+  EXPECT_NEAR(computeQuantile({one.density}, 0.5), 0.9682, 0.03);
+  EXPECT_NEAR(computeQuantile({one.density}, 0.975), 1.7847, 0.05);
+  one.model.positive = {true};
+  EXPECT_NEAR(one.fit(0.09).log_evidence, -0.8361197, 0.02);
+}
+
+TEST(FitWithForm, WithoutFormItIsTheGaussian) {
+  OneDatum one;
+  const LinearFit fit = one.fit(0.0), gaussian = fitLinear(Eigen::VectorXd::Ones(1), one.model, one.errors);
+  EXPECT_NEAR(fit.log_evidence, gaussian.log_evidence, 0.02);
+  EXPECT_NEAR(fit.x[0], gaussian.x[0], 0.02);
+  EXPECT_NEAR(fit.covariance(0, 0), gaussian.covariance(0, 0), 0.1 * gaussian.covariance(0, 0));
+
+  LinearModel two = smallModel();
+  UnknownDensity density;
+  const LinearFit of_two = fitWithForm(kData, two, smallErrors(), 1, Eigen::MatrixXd::Zero(4, 4), density);
+  const LinearFit dense = fitLinear(kData, two, smallErrors());
+  EXPECT_NEAR(of_two.log_evidence, dense.log_evidence, 0.02);
+  EXPECT_NEAR(of_two.x[0], dense.x[0], 0.02);
+  EXPECT_NEAR(of_two.x[1], dense.x[1], 0.05);
+}
+
+TEST(Quantile, WeighsDensitiesByTheirEvidence) {
+  // Two boxes, the second with three times the probability.
+  const UnknownDensity low{{0.0, 1.0}, {0.0, 0.0}}, high{{2.0, 3.0}, {std::log(3.0), std::log(3.0)}};
+  EXPECT_NEAR(computeQuantile({low, high}, 0.125), 0.5, 1e-9);
+  EXPECT_NEAR(computeQuantile({low, high}, 0.625), 2.5, 1e-9);
+}
+
 TEST(Detectability, IsTheWhitenedNormOfWhatTheBaselineCannotExplain) {
   LinearModel m = smallModel();
   const Detectability d(m, smallErrors(), 1.0);

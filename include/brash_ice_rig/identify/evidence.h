@@ -46,6 +46,23 @@ struct LinearFit {
 /// @param y  data  @throws std::runtime_error if the covariance is not positive definite
 LinearFit fitLinear(const Eigen::VectorXd& y, const LinearModel& model, const ErrorModel& errors);
 
+/// Probability density of one unknown, all others left open; not normalised: its integral is the evidence.
+struct UnknownDensity {
+  std::vector<double> value, log_density;  ///< as many, the values increasing
+};
+
+/// As fitLinear(), where what one unknown does to the data may be off in its form: at the value a of this unknown the
+/// errors grow by a² form. The density of a is then no Gaussian; it is integrated numerically.
+/// @param column   of the unknown
+/// @param form     covariance of what its column may be off, per square of its unit
+/// @param density  out: of the unknown
+/// @return x at the unknown's most probable value; its variance is that of the density, other unknowns' at that value
+LinearFit fitWithForm(const Eigen::VectorXd& y, const LinearModel& model, const ErrorModel& errors, Eigen::Index column,
+                      const Eigen::MatrixXd& form, UnknownDensity& density);
+
+/// Value below which this share of the probability lies. @param densities  weighed by their evidence; at least one
+double computeQuantile(const std::vector<UnknownDensity>& densities, double share);
+
 /// ln of the evidence of a model at a given kappa.
 double computeLogEvidence(const Eigen::VectorXd& y, const LinearModel& model, const FactoredErrors& errors);
 
@@ -63,6 +80,9 @@ class Detectability {
  private:
   Eigen::MatrixXd inverse_;
 };
+
+/// Lags of the portmanteau test of what is left.
+constexpr int kPortmanteauLags = 20;
 
 /// Ljung and Box (1978): p-value that the first `lags` autocorrelations are those of white noise. 1 where there are too
 /// few values.

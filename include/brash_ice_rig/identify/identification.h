@@ -7,6 +7,7 @@
 
 #include "brash_ice_rig/identify/candidate.h"
 #include "brash_ice_rig/identify/covariance.h"
+#include "brash_ice_rig/identify/curve_error.h"
 #include "brash_ice_rig/identify/evidence.h"
 #include "brash_ice_rig/identify/observation.h"
 #include "brash_ice_rig/identify/record_check.h"
@@ -23,17 +24,6 @@ struct BaselineParameter {
   std::string key, unit;
   double prior = 0.0, prior_sigma = 1.0;
   double fitted = 0.0, sigma = 0.0;
-};
-
-/// How far a curve is from a record; before the motion starts does not count.
-struct CurveError {
-  double rmse_n = 0.0;
-  double nrmse_ratio = 0.0;             ///< over the record's largest 1 s mean
-  double peak_error_n = 0.0;            ///< of the largest 1 s mean, curve less record
-  double peak_time_error_s = 0.0;       ///< of its time
-  double residual_level_error_n = 0.0;  ///< of the mean of the last 4.5 s
-  double max_abs_n = 0.0;
-  double ljung_box_p = 0.0;  ///< of the whitened residual, 20 lags
 };
 
 /// One record with what was computed for it.

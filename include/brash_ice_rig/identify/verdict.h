@@ -1,0 +1,16 @@
+#pragma once
+
+#include "brash_ice_rig/identify/identification.h"
+#include "brash_ice_rig/identify/record_check.h"
+#include "brash_ice_rig/identify/thresholds.h"
+
+namespace brash_ice_rig {
+
+/// Decides from the ranking and the residual of the refitted baseline: fills verdict, effects, accepted, significant.
+/// @param report  on the first record: of part of a lift, finding nothing does not mean that nothing is missing
+void decide(Identification& result, const RecordReport& report, const Thresholds& thresholds);
+
+/// Says it in sentences, and what to measure next: fills summary and next_experiment.
+void describe(Identification& result, const Thresholds& thresholds);
+
+}  // namespace brash_ice_rig

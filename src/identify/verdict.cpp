@@ -1,0 +1,184 @@
+#include "brash_ice_rig/identify/verdict.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "brash_ice_rig/effects/effect_registry.h"
+
+namespace brash_ice_rig {
+namespace {
+
+std::string shortNumber(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g", value);
+  return text;
+}
+
+std::string joined(const std::vector<std::string>& names, const char* last) {
+  std::string text;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    text += i == 0 ? "" : i + 1 == names.size() ? std::string(" ") + last + " " : ", ";
+    text += names[i];
+  }
+  return text;
+}
+
+const EffectDescription* findEffect(const std::string& name) {
+  for (const EffectDescription& effect : effectRegistry()) {
+    if (name == effect.name) return &effect;
+  }
+  return nullptr;
+}
+
+}  // namespace
+
+const char* verdictName(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::kNone:
+      return "none";
+    case Verdict::kEffect:
+      return "effect";
+    case Verdict::kTie:
+      return "tie";
+    case Verdict::kUnknown:
+      return "unknown";
+    case Verdict::kCannotTell:
+      return "cannot_tell";
+  }
+  return "unknown";
+}
+
+void decide(Identification& result, const RecordReport& report, const Thresholds& thresholds) {
+  const bool excess = result.chi2_per_bin > thresholds.chi2_per_bin;
+  // Residuals that are smaller than what is allowed for may be correlated: the allowance is not known that finely.
+  result.significant = excess || (result.chi2_per_bin > thresholds.portmanteau_chi2_per_bin &&
+                                  result.portmanteau_p < thresholds.portmanteau_p);
+
+  bool partial = false;
+  for (const Finding& finding : report.findings) {
+    partial = partial || finding.code == "too_short" || finding.code == "no_contact";
+  }
+
+  // A second effect has to show on the held-out record, too: the pair must predict it better than either alone.
+  const auto earnsItsPlace = [&](const Explanation& pair) {
+    for (const Explanation& e : result.ranking) {
+      const bool part = e.effects.size() == 1 && e.confirmed &&
+                        std::count(pair.effects.begin(), pair.effects.end(), e.effects[0]) > 0;
+      if (part && e.holdout_rmse_n < pair.holdout_rmse_n * thresholds.holdout_ratio) return false;
+    }
+    return true;
+  };
+  const auto holds = [&](const Explanation& e) {
+    if (e.effects.size() > 1 && !earnsItsPlace(e)) return false;
+    return e.confirmed && e.log_bayes_factor > e.threshold && !(e.holdout_ratio > thresholds.holdout_ratio) &&
+           (!excess || e.explained_ratio >= thresholds.explained_ratio);
+  };
+  std::vector<const Explanation*> accepted;
+  for (const Explanation& e : result.ranking) {
+    if (holds(e)) accepted.push_back(&e);
+  }
+  if (!accepted.empty()) {
+    const Explanation& best = *accepted.front();
+    result.accepted = static_cast<std::size_t>(&best - result.ranking.data());
+    result.effects = best.effects;
+    result.verdict = Verdict::kEffect;
+    if (best.effects.size() == 1) {
+      for (const Explanation& e : result.ranking) {
+        if (&e == &best || e.effects.size() != 1 || e.effects == best.effects) continue;
+        if (e.holdout_ratio > thresholds.holdout_ratio) continue;  // the held-out record speaks against it
+        const bool close =
+            e.log_bayes_factor > best.log_bayes_factor - thresholds.rival_nats && e.log_bayes_factor > 0.0;
+        bool same_class = false;
+        for (const ConfusableSet& set : result.confusable) {
+          const bool both = std::count(set.effects.begin(), set.effects.end(), best.effects[0]) > 0 &&
+                            std::count(set.effects.begin(), set.effects.end(), e.effects[0]) > 0;
+          same_class = same_class || both;
+        }
+        same_class = same_class && e.log_bayes_factor > 0.5 * best.log_bayes_factor;
+        if (close || same_class) {
+          result.effects.push_back(e.effects[0]);
+          result.verdict = Verdict::kTie;
+        }
+      }
+    }
+  } else if (partial && !result.significant) {
+    result.verdict = Verdict::kCannotTell;
+  } else {
+    result.verdict = result.significant ? Verdict::kUnknown : Verdict::kNone;
+  }
+}
+
+void describe(Identification& result, const Thresholds& thresholds) {
+  const CurveError &refitted = result.records.front().refitted, &after = result.records.front().after;
+  std::vector<std::string>& text = result.summary;
+  switch (result.verdict) {
+    case Verdict::kEffect:
+      text.push_back("The model lacks " + joined(result.effects, "and") + ".");
+      break;
+    case Verdict::kTie:
+      text.push_back("The model lacks one of these: " + joined(result.effects, "or") +
+                     ". This record cannot tell them apart.");
+      break;
+    case Verdict::kUnknown:
+      text.push_back("The model lacks something, and it is none of the effects that are known here.");
+      break;
+    case Verdict::kNone:
+      text.push_back(
+          "Nothing is missing that this record could show: what is left is within noise and the model's own error.");
+      break;
+    case Verdict::kCannotTell:
+      text.push_back("This record cannot tell: it holds too little of a lift.");
+      break;
+  }
+  for (const std::string& name : result.effects) {
+    if (const EffectDescription* effect = findEffect(name)) text.push_back(name + ": " + effect->mechanism + ".");
+  }
+  if (result.accepted) {
+    const Explanation& e = result.ranking[*result.accepted];
+    std::string evidence = "Evidence: ln of the Bayes factor " + shortNumber(e.log_bayes_factor) +
+                           " (asked: more than " + shortNumber(e.threshold) + "), detectability " +
+                           shortNumber(e.detectability);
+    if (std::isfinite(e.explained_ratio)) {
+      evidence += ", " + shortNumber(100.0 * e.explained_ratio) + " % of the excess explained";
+    }
+    text.push_back(evidence + ".");
+    text.push_back("Error on this record: " + shortNumber(refitted.rmse_n) + " N with the baseline refitted, " +
+                   shortNumber(after.rmse_n) + " N with the effect.");
+    if (std::isfinite(e.holdout_ratio)) {
+      text.push_back("Error on the held-out record: " + shortNumber(result.holdout.front().refitted.rmse_n) +
+                     " N without the effect, " + shortNumber(e.holdout_rmse_n) + " N with it.");
+    }
+  } else {
+    text.push_back("Residual: chi² of " + shortNumber(result.chi2_per_bin) + " per bin (significant above " +
+                   shortNumber(thresholds.chi2_per_bin) + "), portmanteau p = " + shortNumber(result.portmanteau_p) +
+                   ".");
+  }
+  const auto propose = [&](const std::string& name, std::vector<std::string> separates) {
+    const EffectDescription* effect = findEffect(name);
+    if (effect == nullptr || std::string(effect->how_to_tell).empty()) return;
+    for (const NextExperiment& known : result.next_experiment) {
+      if (known.text == effect->how_to_tell) return;
+    }
+    result.next_experiment.push_back({effect->how_to_tell, std::move(separates)});
+  };
+  for (const std::string& name : result.effects)
+    propose(name, result.effects.size() > 1 ? result.effects : std::vector<std::string>{name});
+  if (result.verdict == Verdict::kUnknown) {
+    result.next_experiment.push_back(
+        {"the same lift again, at once and in another spot: what comes back at the same height is the rig's, at the "
+         "same time the ship's",
+         {}});
+    result.next_experiment.push_back({"a lift with two stops of 6 s, and one without ice", {}});
+  }
+  if (result.verdict == Verdict::kNone || result.verdict == Verdict::kCannotTell) {
+    for (const DetectableMagnitude& m : result.minimum_detectable) {
+      if (m.expected_detectability < thresholds.detectability) propose(m.effect, {m.effect});
+    }
+  }
+}
+
+}  // namespace brash_ice_rig

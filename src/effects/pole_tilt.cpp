@@ -69,6 +69,7 @@ EffectDescription describePoleTilt() {
   };
   d.confusable_with = {"thickness_field", "vessel_heave"};
   d.how_to_tell = "a load cell with lateral channels, or a camera on the pole";
+  d.acts_sideways = true;
   d.in_energy_balance = true;
   d.make = [](const EffectValues& values, const Scenario&) { return std::make_unique<PoleTilt>(values); };
   d.check = checkPath;

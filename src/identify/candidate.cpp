@@ -263,6 +263,45 @@ Variant makeSwell(const std::vector<double>& periods_s) {
   return v;
 }
 
+std::vector<Variant> makeTilts(double direction_deg) {
+  const EffectDescription& effect = describedAs("pole_tilt");
+  const EffectParameter& period = parameterOf(effect, "sway_period_s");
+  constexpr double kDirectionSigmaDeg = 10.0;
+  std::vector<Variant> variants;
+  const auto add = [&](const EffectParameter& size, const std::vector<std::pair<std::string, double>>& given,
+                       const std::string& label) {
+    Variant v;
+    v.effect = &effect;
+    v.label = label;
+    v.amplitudes.push_back(makeAmplitude(size));
+    v.amplitudes[0].positive = false;
+    const auto directionOf = [direction_deg](double a) {
+      return a >= 0.0 ? direction_deg : direction_deg > 0.0 ? direction_deg - 180.0 : direction_deg + 180.0;
+    };
+    v.apply = [&size, given, directionOf](EffectValues& values, const Eigen::VectorXd& a) {
+      values.enabled = true;
+      values.set("drift_mps", 0.0);
+      values.set("sway_m", 0.0);
+      for (const auto& [name, value] : given) values.set(name, value);
+      values.set(size.name, clampTo(size, std::abs(a[0])));
+      values.set("direction_deg", directionOf(a[0]));
+    };
+    v.estimate = [&effect, &size, directionOf](const Eigen::VectorXd& a, const Eigen::MatrixXd& covariance) {
+      return std::vector<ParameterEstimate>{
+          estimateOf(effect, size, std::abs(a[0]), std::sqrt(covariance(0, 0))),
+          estimateOf(effect, parameterOf(effect, "direction_deg"), directionOf(a[0]), kDirectionSigmaDeg)};
+    };
+    variants.push_back(std::move(v));
+  };
+  add(parameterOf(effect, "drift_mps"), {}, "direction_deg = " + formatNumber(direction_deg));
+  for (const double deviations : {-1.0, 0.0, 1.0}) {
+    const double period_s = clampTo(period, period.prior.a * std::exp(deviations * period.prior.b));
+    add(parameterOf(effect, "sway_m"), {{period.name, period_s}},
+        "direction_deg = " + formatNumber(direction_deg) + ", sway_period_s = " + formatNumber(period_s));
+  }
+  return variants;
+}
+
 Eigen::VectorXd fallTemplate(double time_s, const Eigen::VectorXd& bin_time_s) {
   return -kGravityMps2 * ((bin_time_s.array() - time_s) / kFallDurationS).max(0.0).min(1.0).matrix();
 }

@@ -33,6 +33,8 @@ constexpr std::size_t kConfirmed = 4;
 /// ln of the Bayes factor below which a straight line's verdict is final: a simulation would not make up for 5.
 constexpr double kWorthSimulating = 1.0;
 constexpr int kPasses = 2;
+/// Of a lateral channel every so many bins count.
+constexpr Eigen::Index kLateralThinning = 4;
 /// Where references say how far the simulator is off, nothing is known better than this share of the largest force.
 constexpr double kReferenceFloor = 0.005;
 
@@ -85,10 +87,12 @@ Eigen::VectorXd stacked(const std::vector<Eigen::VectorXd>& parts) {
   return all;
 }
 
-/// A record with its simulations.
+/// One channel of a record, with its simulations.
 struct Site {
   RecordCurves curves;
-  Scenario scenario;  ///< of the baseline as given
+  std::size_t record = 0;               ///< whose own unknowns it has
+  std::optional<double> direction_rad;  ///< of a lateral channel, from x towards y
+  Scenario scenario;                    ///< of the baseline as given
   Eigen::VectorXd mean_n, chaos_n;
   Eigen::VectorXd known_n;  ///< what the simulator is known to be off
   Eigen::MatrixXd slopes;   ///< a column per unknown of the baseline that this record has: ice, gap, clock
@@ -96,11 +100,14 @@ struct Site {
 
   const Observation& observation() const { return curves.observation; }
   Eigen::Index rows() const { return curves.observation.time_s.size(); }
-  const std::vector<double>& pick(const SimulatedForce& f) const {
-    return curves.observation.ice_contact ? f.force_n : f.empty_force_n;
-  }
+  Eigen::Index own() const { return kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(record); }
   Eigen::VectorXd bins(const SimulatedForce& f, double delay_s = 0.0) const {
-    return binned(f.time_s, pick(f), curves.observation.time_s, delay_s);
+    const Eigen::VectorXd& at = curves.observation.time_s;
+    if (direction_rad) {
+      return std::cos(*direction_rad) * binned(f.time_s, f.force_x_n, at, delay_s) +
+             std::sin(*direction_rad) * binned(f.time_s, f.force_y_n, at, delay_s);
+    }
+    return binned(f.time_s, curves.observation.ice_contact ? f.force_n : f.empty_force_n, at, delay_s);
   }
 };
 
@@ -138,11 +145,13 @@ class Chain {
 
  private:
   Site makeSite(const NamedRecord& named) const;
-  Scenario scenarioAt(const Site& site, const Eigen::VectorXd& x, std::size_t index,
-                      const std::vector<const Variant*>& variants, int seed) const;
-  Eigen::Index unknowns() const { return kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(sites_.size()); }
+  Scenario scenarioAt(const Site& site, const Eigen::VectorXd& x, const std::vector<const Variant*>& variants,
+                      int seed) const;
+  Eigen::Index unknowns() const { return kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(records_); }
   SimulatedForce asRead(SimulatedForce force, const Scenario& scenario, const Eigen::VectorXd& x,
                         const std::vector<const Variant*>& variants) const;
+  void addLateralSites();
+  Eigen::MatrixXd lateralDiscrepancy(const Site& site) const;
   void simulateBaseline();
   void addVariants();
   void computeSignatures(const std::vector<const Variant*>& variants, const std::string& what);
@@ -156,9 +165,14 @@ class Chain {
                     const std::function<Eigen::MatrixXd(double)>& columns, std::vector<double>& found,
                     double& log_odds) const;
   void locate(const Model& start, const std::string& what);
-  void confirm(std::vector<Model*> models, const std::string& what, int passes);
+  void confirm(const std::vector<Model*>& models, const std::string& what);
   Eigen::VectorXd clipped(const Model& model, Eigen::VectorXd x) const;
   std::optional<Eigen::VectorXd> simulated(const Model& model, const Eigen::VectorXd& x, bool request_only);
+  /// What is left of the records, lateral channels apart, in units of what is allowed.
+  Eigen::VectorXd whitened(const Model& model) const { return model.fit.whitened.head(record_rows_); }
+  double chi2PerBin(const Model& model) const {
+    return whitened(model).squaredNorm() / static_cast<double>(record_rows_);
+  }
   Explanation explain(const Model& model, const Model& baseline, const Detectability& detectability) const;
   void addSecondEffect(std::vector<Model>& models, const Model& baseline);
   void evaluateHoldout(const Model& baseline, const std::vector<Model>& models, Identification& result);
@@ -169,7 +183,10 @@ class Chain {
   RunLibrary& runs_;
   const Thresholds& thresholds_;
   const Discrepancy& discrepancy_;
-  std::vector<Site> sites_;
+  std::vector<Site> sites_;  ///< records first, then the lateral channels of the first one
+  std::size_t records_ = 0;
+  std::optional<double> lateral_direction_deg_;  ///< where most of the lateral force is
+  Eigen::Index record_rows_ = 0;                 ///< of the records, without lateral channels
   std::vector<IceUnknown> ice_;
   std::vector<std::unique_ptr<Variant>> variants_;
   std::map<const Variant*, Eigen::MatrixXd> signatures_;
@@ -216,15 +233,14 @@ Site Chain::makeSite(const NamedRecord& named) const {
   return site;
 }
 
-Scenario Chain::scenarioAt(const Site& site, const Eigen::VectorXd& x, std::size_t index,
-                           const std::vector<const Variant*>& variants, int seed) const {
+Scenario Chain::scenarioAt(const Site& site, const Eigen::VectorXd& x, const std::vector<const Variant*>& variants,
+                           int seed) const {
   Scenario s = site.scenario;
   s.field.seed = static_cast<std::uint64_t>(seed);
   for (std::size_t k = 0; k < ice_.size(); ++k) {
     ice_[k].set(s.ice, std::clamp(ice_[k].prior + x[static_cast<Eigen::Index>(k)], ice_[k].low, ice_[k].high));
   }
-  const Eigen::Index own = kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(index);
-  s.procedure.start_gap_m = std::max(s.procedure.start_gap_m + x[own], 0.0);
+  s.procedure.start_gap_m = std::max(s.procedure.start_gap_m + x[site.own()], 0.0);
   Eigen::Index column = unknowns();
   for (const Variant* v : variants) {
     const auto count = static_cast<Eigen::Index>(v->amplitudes.size());
@@ -256,7 +272,7 @@ void Chain::simulateBaseline() {
   const auto moved = [&](std::size_t i, Eigen::Index unknown, double step, int seed) {
     Eigen::VectorXd x = zero;
     x[unknown] = step;
-    return runs_.request(scenarioAt(sites_[i], x, i, {}, seed));
+    return runs_.request(scenarioAt(sites_[i], x, {}, seed));
   };
   struct Slope {
     Eigen::Index column, unknown;
@@ -265,7 +281,7 @@ void Chain::simulateBaseline() {
   const auto slopesOf = [&](std::size_t i) {
     std::vector<Slope> slopes;
     for (Eigen::Index k = 0; k < kIceUnknowns; ++k) slopes.push_back({k, k, ice_[static_cast<std::size_t>(k)].sigma});
-    slopes.push_back({kIceUnknowns, kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(i), kGapSigmaM});
+    slopes.push_back({kIceUnknowns, sites_[i].own(), kGapSigmaM});
     return slopes;
   };
   for (int pass = 0; pass < 2; ++pass) {
@@ -273,7 +289,7 @@ void Chain::simulateBaseline() {
       Site& site = sites_[i];
       const int seeds = site.observation().ice_contact ? kEnsemble : 1;
       if (pass == 0) {
-        for (int seed = 1; seed <= seeds; ++seed) keys[i].push_back(runs_.request(scenarioAt(site, zero, i, {}, seed)));
+        for (int seed = 1; seed <= seeds; ++seed) keys[i].push_back(runs_.request(scenarioAt(site, zero, {}, seed)));
         if (!site.observation().ice_contact) continue;
         for (const Slope& slope : slopesOf(i)) {
           for (int seed = 1; seed <= kPairs; ++seed) moved(i, slope.unknown, slope.step, seed);
@@ -292,8 +308,10 @@ void Chain::simulateBaseline() {
             (site.bins(runs_.force(key), kShiftS) - site.bins(runs_.force(key), -kShiftS)) / (2.0 * kShiftS * seeds);
       }
       site.mean_n = forces.rowwise().mean();
+      // What one arrangement of the blocks pushes aside, another does not: scatter, and no more.
+      if (site.direction_rad) site.mean_n.setZero();
       site.known_n = Eigen::VectorXd::Zero(site.rows());
-      if (site.observation().ice_contact) {
+      if (site.observation().ice_contact && !site.direction_rad) {
         site.known_n = computeKnownDiscrepancy(discrepancy_, site.observation(), site.mean_n.maxCoeff());
       }
       site.chaos_n = Eigen::VectorXd::Zero(site.rows());
@@ -306,6 +324,7 @@ void Chain::simulateBaseline() {
         }
       }
       site.slopes = Eigen::MatrixXd::Zero(site.rows(), kIceUnknowns + kOwnUnknowns);
+      if (site.direction_rad) continue;
       site.slopes.col(kIceUnknowns + 1) = rate;
       if (!site.observation().ice_contact) continue;
       for (const Slope& slope : slopesOf(i)) {
@@ -331,6 +350,7 @@ void Chain::simulateBaseline() {
   for (Site& site : sites_) {
     site.first_row = rows;
     rows += site.rows();
+    if (!site.direction_rad) record_rows_ = rows;
     data.push_back(site.observation().force_n);
     offsets.push_back(site.mean_n + site.known_n);
   }
@@ -338,16 +358,73 @@ void Chain::simulateBaseline() {
   baseline_offset_ = stacked(offsets);
   baseline_columns_ = Eigen::MatrixXd::Zero(rows, unknowns());
   errors_.noise = errors_.discrepancy = Eigen::MatrixXd::Zero(rows, rows);
-  for (std::size_t i = 0; i < sites_.size(); ++i) {
-    const Site& site = sites_[i];
-    const Eigen::Index own = kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(i);
+  for (const Site& site : sites_) {
     baseline_columns_.block(site.first_row, 0, site.rows(), kIceUnknowns) = site.slopes.leftCols(kIceUnknowns);
-    baseline_columns_.block(site.first_row, own, site.rows(), kOwnUnknowns) = site.slopes.rightCols(kOwnUnknowns);
+    baseline_columns_.block(site.first_row, site.own(), site.rows(), kOwnUnknowns) =
+        site.slopes.rightCols(kOwnUnknowns);
     errors_.noise.block(site.first_row, site.first_row, site.rows(), site.rows()) =
         computeNoiseCovariance(site.observation().noise, site.observation().time_s);
     if (!site.observation().ice_contact) continue;
-    errors_.discrepancy.block(site.first_row, site.first_row, site.rows(), site.rows()) =
-        computeDiscrepancyCovariance(discrepancy_, site.observation(), site.mean_n, site.chaos_n);
+    // A lateral channel says nothing of the scale of what the simulator is off in the lift.
+    (site.direction_rad ? errors_.noise : errors_.discrepancy)
+        .block(site.first_row, site.first_row, site.rows(), site.rows()) +=
+        site.direction_rad ? lateralDiscrepancy(site)
+                           : computeDiscrepancyCovariance(discrepancy_, site.observation(), site.mean_n, site.chaos_n);
+  }
+}
+
+/// Covariance of what a lateral channel is off: what arrangements of the blocks differ by, and the share of the force
+/// that a cell reads sideways which hangs one degree off the vertical.
+Eigen::MatrixXd Chain::lateralDiscrepancy(const Site& site) const {
+  constexpr double kAskewRad = 0.0175;
+  const Site& vertical = sites_[site.record];
+  Eigen::VectorXd sigma(site.rows());
+  for (Eigen::Index i = 0; i < site.rows(); ++i) {
+    sigma[i] = std::hypot(site.chaos_n[i], kAskewRad * vertical.mean_n[i * kLateralThinning]);
+  }
+  Discrepancy whole;
+  whole.form_share = 1.0;
+  return computeFormCovariance(whole, site.observation(), sigma);
+}
+
+/// The first record's lateral channels, turned to where most of the force is and across. A quarter of the bins: the
+/// pole moves slowly, and each row costs.
+void Chain::addLateralSites() {
+  const Site& vertical = sites_.front();
+  const Observation& all = vertical.observation();
+  if (all.lateral_n.rows() == 0 || !all.ice_contact) return;
+  Eigen::Matrix2d sum = Eigen::Matrix2d::Zero();
+  for (Eigen::Index i = 0; i < all.time_s.size(); ++i) {
+    if (all.time_s[i] > 0.0) sum += all.lateral_n.row(i).transpose() * all.lateral_n.row(i);
+  }
+  constexpr double kDegree = 3.14159265358979323846 / 180.0, kGridDeg = 5.0;
+  lateral_direction_deg_ =
+      kGridDeg * std::round(0.5 * std::atan2(2.0 * sum(0, 1), sum(0, 0) - sum(1, 1)) / kDegree / kGridDeg);
+  for (const double across_deg : {0.0, 90.0}) {
+    Site site;
+    site.curves.path = vertical.curves.path;
+    site.curves.record = vertical.curves.record;
+    site.scenario = vertical.scenario;
+    site.direction_rad = (*lateral_direction_deg_ + across_deg) * kDegree;
+    const Eigen::Index count = (all.time_s.size() + kLateralThinning - 1) / kLateralThinning;
+    Observation& o = site.curves.observation;
+    o = all;
+    for (Eigen::VectorXd* rows : {&o.time_s, &o.force_n, &o.way_m, &o.travel_m}) rows->resize(count);
+    double square = 0.0, at_rest = 0.0;
+    for (Eigen::Index i = 0; i < count; ++i) {
+      const Eigen::Index from = i * kLateralThinning;
+      o.time_s[i] = all.time_s[from];
+      o.way_m[i] = all.way_m[from];
+      o.travel_m[i] = all.travel_m[from];
+      o.force_n[i] = all.lateral_n(from, 0) * std::cos(*site.direction_rad) +
+                     all.lateral_n(from, 1) * std::sin(*site.direction_rad);
+      if (o.time_s[i] > -0.5) continue;
+      square += o.force_n[i] * o.force_n[i];
+      at_rest += 1.0;
+    }
+    const double sigma = at_rest > 0.0 ? std::max(std::sqrt(square / at_rest), 1.0) : all.noise.white_n;
+    o.noise = {sigma, sigma};
+    sites_.push_back(site);
   }
 }
 
@@ -359,7 +436,8 @@ void Chain::addVariants() {
   }
   for (const EffectDescription& effect : effectRegistry()) {
     if (sites_.front().scenario.effects[effect.name].enabled) continue;  // the baseline has it already
-    for (Variant& variant : makeVariants(effect, position)) {
+    const bool seen_sideways = lateral_direction_deg_ && std::string(effect.name) == "pole_tilt";
+    for (Variant& variant : seen_sideways ? makeTilts(*lateral_direction_deg_) : makeVariants(effect, position)) {
       variants_.push_back(std::make_unique<Variant>(std::move(variant)));
     }
   }
@@ -390,6 +468,7 @@ std::vector<std::string> Chain::requestSignature(const Site& site, const Variant
 Eigen::MatrixXd Chain::signature(const Site& site, const Variant& v) {
   const auto count = static_cast<Eigen::Index>(v.amplitudes.size());
   Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(site.rows(), count);
+  if (site.direction_rad && !v.effect->acts_sideways) return columns;
   const auto plain = [&](int seed) -> const SimulatedForce& {
     Scenario s = site.scenario;
     s.field.seed = static_cast<std::uint64_t>(site.observation().ice_contact ? seed : 1);
@@ -437,10 +516,9 @@ LinearModel Chain::linearModel(const Model& model) const {
   m.prior_sigma.resize(count);
   m.positive.assign(static_cast<std::size_t>(count), false);
   for (std::size_t k = 0; k < ice_.size(); ++k) m.prior_sigma[static_cast<Eigen::Index>(k)] = ice_[k].sigma;
-  for (std::size_t i = 0; i < sites_.size(); ++i) {
-    const Eigen::Index gap = kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(i);
-    m.prior_sigma[gap] = kGapSigmaM;
-    m.prior_sigma[gap + 1] = sites_[i].observation().clock_sigma_s;
+  for (std::size_t i = 0; i < records_; ++i) {
+    m.prior_sigma[sites_[i].own()] = kGapSigmaM;
+    m.prior_sigma[sites_[i].own() + 1] = sites_[i].observation().clock_sigma_s;
   }
   Eigen::Index column = own;
   for (const Variant* v : model.variants) {
@@ -610,9 +688,8 @@ Eigen::VectorXd Chain::clipped(const Model& model, Eigen::VectorXd x) const {
     const auto i = static_cast<Eigen::Index>(k);
     x[i] = std::clamp(ice_[k].prior + x[i], ice_[k].low, ice_[k].high) - ice_[k].prior;
   }
-  for (std::size_t i = 0; i < sites_.size(); ++i) {
-    const Eigen::Index gap = kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(i);
-    x[gap] = std::max(x[gap], -sites_[i].scenario.procedure.start_gap_m);
+  for (std::size_t i = 0; i < records_; ++i) {
+    x[sites_[i].own()] = std::max(x[sites_[i].own()], -sites_[i].scenario.procedure.start_gap_m);
   }
   Eigen::Index column = unknowns();
   for (const Variant* v : model.variants) {
@@ -629,13 +706,14 @@ Eigen::VectorXd Chain::clipped(const Model& model, Eigen::VectorXd x) const {
 /// The force of a model at x in all bins, mean over the pairs' seeds; none where the world freezes.
 std::optional<Eigen::VectorXd> Chain::simulated(const Model& model, const Eigen::VectorXd& x, bool request_only) {
   std::vector<Eigen::VectorXd> parts;
-  for (std::size_t i = 0; i < sites_.size(); ++i) {
-    const Site& site = sites_[i];
+  const bool sideways = std::any_of(model.variants.begin(), model.variants.end(),
+                                    [](const Variant* v) { return v->effect->acts_sideways; });
+  for (const Site& site : sites_) {
     Eigen::VectorXd mean = Eigen::VectorXd::Zero(site.rows());
-    const int seeds = site.observation().ice_contact ? kPairs : 1;
-    const double delay = x[kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(i) + 1];
+    const int seeds = site.direction_rad && !sideways ? 0 : site.observation().ice_contact ? kPairs : 1;
+    const double delay = x[site.own() + 1];
     for (int seed = 1; seed <= seeds; ++seed) {
-      const Scenario s = scenarioAt(site, x, i, model.variants, seed);
+      const Scenario s = scenarioAt(site, x, model.variants, seed);
       try {
         s.validate();
       } catch (const ConfigError&) {
@@ -652,26 +730,24 @@ std::optional<Eigen::VectorXd> Chain::simulated(const Model& model, const Eigen:
 }
 
 /// Gauss-Newton with the slopes of the signatures: simulate where the fit is, and fit again around that.
-void Chain::confirm(std::vector<Model*> models, const std::string& what, int passes) {
-  for (int pass = 0; pass < passes; ++pass) {
-    for (Model* model : models) {
-      if (model->frozen) continue;
-      model->x = clipped(*model, model->fit.x);
-      if (!simulated(*model, model->x, true)) model->frozen = true;
+void Chain::confirm(const std::vector<Model*>& models, const std::string& what) {
+  for (Model* model : models) {
+    if (model->frozen) continue;
+    model->x = clipped(*model, model->fit.x);
+    if (!simulated(*model, model->x, true)) model->frozen = true;
+  }
+  runs_.makeMissing(what);
+  for (Model* model : models) {
+    if (model->frozen) continue;
+    const std::optional<Eigen::VectorXd> curve = simulated(*model, model->x, false);
+    if (!curve) {
+      model->frozen = true;
+      continue;
     }
-    runs_.makeMissing(what + ", pass " + std::to_string(pass + 1));
-    for (Model* model : models) {
-      if (model->frozen) continue;
-      const std::optional<Eigen::VectorXd> curve = simulated(*model, model->x, false);
-      if (!curve) {
-        model->frozen = true;
-        continue;
-      }
-      model->simulated = true;
-      model->curve_n = *curve;
-      model->offset = *curve - linearModel(*model).columns * model->x;
-      refit(*model);
-    }
+    model->simulated = true;
+    model->curve_n = *curve;
+    model->offset = *curve - linearModel(*model).columns * model->x;
+    refit(*model);
   }
 }
 
@@ -706,13 +782,13 @@ Explanation Chain::explain(const Model& model, const Model& baseline, const Dete
   e.confirmed = model.simulated;
   // The baseline's evidence has changed since those were screened that nobody simulated.
   e.log_bayes_factor = model.simulated ? score(model) - baseline.fit.log_evidence : model.screened;
-  e.chi2_per_bin = model.fit.chi2_per_datum;
-  const double excess = baseline.fit.chi2_per_datum - 1.0;
-  e.explained_ratio = excess > 0.0 ? (baseline.fit.chi2_per_datum - e.chi2_per_bin) / excess : kNaN;
-  e.portmanteau_p = computeLjungBox(model.fit.whitened, kPortmanteauLags);
+  const double before = chi2PerBin(baseline), excess = before - 1.0;
+  e.chi2_per_bin = chi2PerBin(model);
+  e.explained_ratio = excess > 0.0 ? (before - e.chi2_per_bin) / excess : kNaN;
+  e.portmanteau_p = computeLjungBox(whitened(model), kPortmanteauLags);
   const Eigen::VectorXd x = model.simulated ? model.x : model.fit.x;
   e.detectability = detectability.of(model.effect_columns * x.tail(model.effect_columns.cols()));
-  const Eigen::VectorXd error = data_ - (model.simulated ? model.curve_n : model.fit.mean);
+  const Eigen::VectorXd error = (data_ - (model.simulated ? model.curve_n : model.fit.mean)).head(record_rows_);
   e.rmse_n = std::sqrt(error.squaredNorm() / static_cast<double>(error.size()));
   Eigen::Index column = unknowns();
   for (const Variant* v : model.variants) {
@@ -726,14 +802,16 @@ Explanation Chain::explain(const Model& model, const Model& baseline, const Dete
   if (model.variants.size() == 1 && !model.density.value.empty()) {
     ParameterEstimate& p = e.parameters.front();
     std::tie(p.low, p.high) = amplitudeInterval(model);
+    if (x[unknowns()] < 0.0 && p.value > 0.0) {  // told by its size
+      std::tie(p.low, p.high) = std::make_pair(std::max(-p.high, 0.0), -p.low);
+    }
   }
   for (std::size_t k = 0; k < ice_.size(); ++k) {
     e.baseline.push_back(ice_[k].prior + x[static_cast<Eigen::Index>(k)]);
   }
-  for (std::size_t i = 0; i < sites_.size(); ++i) {
-    const Eigen::Index own = kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(i);
-    e.baseline.push_back(sites_[i].scenario.procedure.start_gap_m + x[own]);
-    e.baseline.push_back(x[own + 1]);
+  for (std::size_t i = 0; i < records_; ++i) {
+    e.baseline.push_back(sites_[i].scenario.procedure.start_gap_m + x[sites_[i].own()]);
+    e.baseline.push_back(x[sites_[i].own() + 1]);
   }
   if (model.frozen) e.note = "the simulation with it freezes or is refused: it could not be confirmed";
   return e;
@@ -764,7 +842,7 @@ void Chain::addSecondEffect(std::vector<Model>& models, const Model& baseline) {
   if (!best || score(*best) - score(first) <
                    std::max(thresholds_.second_effect, thresholds_.of(best->variants[1]->effect->name)))
     return;
-  confirm({&*best}, "two effects", kPasses);
+  for (int pass = 0; pass < kPasses; ++pass) confirm({&*best}, "two effects");
   if (best->simulated && score(*best) - score(first) > thresholds_.second_effect) models.insert(models.begin(), *best);
 }
 
@@ -794,7 +872,7 @@ void Chain::evaluateHoldout(const Model& baseline, const std::vector<Model>& mod
   const auto forcesOf = [&](const Model& model, bool request_only) {
     std::vector<SimulatedForce> forces;
     for (int seed = 1; seed <= kPairs; ++seed) {
-      const Scenario s = scenarioAt(site, model.x, 0, model.variants, seed);
+      const Scenario s = scenarioAt(site, model.x, model.variants, seed);
       const std::string key = runs_.request(s);
       if (request_only || runs_.failed(key)) continue;
       forces.push_back(asRead(runs_.force(key), s, model.x, model.variants));
@@ -920,12 +998,13 @@ void Chain::addDetectable(Identification& result, const Detectability& detectabi
 std::optional<ReferenceLift> Chain::reference(bool simulate) {
   baseline_only_ = true;
   sites_.push_back(makeSite(input_.records.front()));
+  records_ = 1;
   ice_ = iceUnknowns(sites_.front().curves.record);
   simulateBaseline();
   const Site& site = sites_.front();
   if (!site.observation().ice_contact) return {};
   Model baseline = linear({});
-  if (simulate) confirm({&baseline}, "reference " + site.curves.path, 1);
+  if (simulate) confirm({&baseline}, "reference " + site.curves.path);
   ReferenceLift lift;
   const Eigen::VectorXd left = data_ - baseline.fit.mean + site.known_n;
   const double peak = site.mean_n.maxCoeff();
@@ -940,7 +1019,11 @@ std::optional<ReferenceLift> Chain::reference(bool simulate) {
 
 Identification Chain::run() {
   Identification result;
-  for (const NamedRecord& record : input_.records) sites_.push_back(makeSite(record));
+  for (const NamedRecord& record : input_.records) {
+    sites_.push_back(makeSite(record));
+    sites_.back().record = records_++;
+  }
+  addLateralSites();
   ice_ = iceUnknowns(sites_.front().curves.record);
   simulateBaseline();
   {
@@ -950,7 +1033,7 @@ Identification Chain::run() {
   }
   // Slopes are rough: the baseline is simulated where they lead before anything else is fitted around it.
   Model baseline = linear({});
-  confirm({&baseline}, "baseline refitted", 1);
+  confirm({&baseline}, "baseline refitted");
   if (baseline.frozen) throw ConfigError("", "", "the simulation of the refitted ice freezes", input_.records[0].path);
   baseline_offset_ = baseline.offset;
   if (!input_.screen_only) locate(baseline, "falls and swell");
@@ -979,11 +1062,14 @@ Identification Chain::run() {
   const auto byScore = [](const Model& a, const Model& b) { return score(a) > score(b); };
   std::stable_sort(models.begin(), models.end(), byScore);
   std::vector<Model*> to_confirm{&baseline};
-  for (std::size_t k = 0; k < models.size() && k < kConfirmed; ++k) {
-    if (score(models[k]) - baseline.fit.log_evidence > kWorthSimulating) to_confirm.push_back(&models[k]);
-  }
-  if (!input_.screen_only && to_confirm.size() > 1) {
-    confirm(to_confirm, "full simulations of the best explanations", kPasses);
+  for (std::size_t k = 0; k < models.size() && k < kConfirmed; ++k) to_confirm.push_back(&models[k]);
+  const auto isHopeless = [&](const Model* m) {
+    return m != &baseline && score(*m) - baseline.fit.log_evidence <= kWorthSimulating;
+  };
+  for (int pass = 0; pass < kPasses && !input_.screen_only; ++pass) {
+    to_confirm.erase(std::remove_if(to_confirm.begin(), to_confirm.end(), isHopeless), to_confirm.end());
+    if (to_confirm.size() == 1) break;
+    confirm(to_confirm, "full simulations of the best explanations");
   }
   // A simulation counts for more than a straight line.
   std::stable_sort(models.begin(), models.end(), [](const Model& a, const Model& b) {
@@ -995,9 +1081,9 @@ Identification Chain::run() {
   for (const Model& model : models) result.ranking.push_back(explain(model, baseline, detectability));
   addDetectable(result, detectability);
   if (input_.holdout && !input_.screen_only) evaluateHoldout(baseline, models, result);
-  result.bins = static_cast<std::size_t>(data_.size());
-  result.chi2_per_bin = baseline.fit.chi2_per_datum;
-  result.portmanteau_p = computeLjungBox(baseline.fit.whitened, kPortmanteauLags);
+  result.bins = static_cast<std::size_t>(record_rows_);
+  result.chi2_per_bin = chi2PerBin(baseline);
+  result.portmanteau_p = computeLjungBox(whitened(baseline), kPortmanteauLags);
   result.kappa = baseline.fit.kappa;
   decide(result, sites_.front().curves.report, thresholds_);
 
@@ -1008,9 +1094,9 @@ Identification Chain::run() {
     result.baseline.push_back({ice_[k].key, ice_[k].unit, ice_[k].prior, ice_[k].sigma, ice_[k].prior + baseline.x[i],
                                std::sqrt(baseline.fit.covariance(i, i))});
   }
-  for (std::size_t i = 0; i < sites_.size(); ++i) {
-    const Eigen::Index own = kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(i);
-    const std::string of = sites_.size() > 1 ? " of record " + std::to_string(i + 1) : "";
+  for (std::size_t i = 0; i < records_; ++i) {
+    const Eigen::Index own = sites_[i].own();
+    const std::string of = records_ > 1 ? " of record " + std::to_string(i + 1) : "";
     const double gap = sites_[i].scenario.procedure.start_gap_m;
     result.baseline.push_back({"procedure.start_gap_m" + of, "m", gap, kGapSigmaM, gap + baseline.x[own],
                                std::sqrt(baseline.fit.covariance(own, own))});
@@ -1034,11 +1120,11 @@ Identification Chain::run() {
     c.total_sigma_n = covariance.diagonal().cwiseSqrt();
     result.records.push_back(c);
   }
-  result.whitened_before = baseline.fit.whitened;
-  result.autocorrelation_before = computeAutocorrelation(baseline.fit.whitened, kPortmanteauLags);
+  result.whitened_before = whitened(baseline);
+  result.autocorrelation_before = computeAutocorrelation(whitened(baseline), kPortmanteauLags);
   if (best != nullptr) {
-    result.autocorrelation_after = computeAutocorrelation(best->fit.whitened, kPortmanteauLags);
-    Scenario twin = scenarioAt(sites_.front(), best->x, 0, best->variants, 1);
+    result.autocorrelation_after = computeAutocorrelation(whitened(*best), kPortmanteauLags);
+    Scenario twin = scenarioAt(sites_.front(), best->x, best->variants, 1);
     Eigen::Index column = unknowns();
     for (const Variant* v : best->variants) {
       const auto count = static_cast<Eigen::Index>(v->amplitudes.size());
@@ -1047,7 +1133,7 @@ Identification Chain::run() {
     }
     result.overlay = toOverlay(twin);
   } else {
-    result.overlay = toOverlay(scenarioAt(sites_.front(), baseline.x, 0, {}, 1));
+    result.overlay = toOverlay(scenarioAt(sites_.front(), baseline.x, {}, 1));
   }
   if (best != nullptr && !result.holdout.empty()) {
     result.holdout.front().with_effect_n = predicted_[*result.accepted].curve_n;

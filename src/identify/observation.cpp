@@ -197,11 +197,18 @@ Observation makeObservation(const Record& record, const RecordReport& report) {
   const double last = std::min(o.path.time_s.back(), t.back() - o.clock_offset_s - o.start_s);
   const auto low = static_cast<long>(std::ceil(first / kBinS)), high = static_cast<long>(std::floor(last / kBinS));
   std::vector<std::vector<double>> bins(static_cast<std::size_t>(std::max(high - low, 0L)));
+  const bool lateral = !record.force_x_n.empty() && !record.force_y_n.empty();
+  std::vector<Eigen::Vector3d> lateral_sums(bins.size(), Eigen::Vector3d::Zero());  // x, y, how many
   for (std::size_t i = 0; i < t.size(); ++i) {
     const auto bin = static_cast<long>(std::floor((t[i] - o.clock_offset_s - o.start_s) / kBinS)) - low;
-    if (bin >= 0 && bin < static_cast<long>(bins.size())) bins[static_cast<std::size_t>(bin)].push_back(f[i]);
+    if (bin < 0 || bin >= static_cast<long>(bins.size())) continue;
+    bins[static_cast<std::size_t>(bin)].push_back(f[i]);
+    if (!lateral) continue;
+    const double x = record.force_x_n[report.rows[i]], y = record.force_y_n[report.rows[i]];
+    if (std::isfinite(x) && std::isfinite(y)) lateral_sums[static_cast<std::size_t>(bin)] += Eigen::Vector3d(x, y, 1.0);
   }
   std::vector<double> time, force, way;
+  std::vector<Eigen::Vector2d> sideways;
   std::vector<std::vector<double>> rest;
   for (std::size_t k = 0; k < bins.size(); ++k) {
     const double middle = (static_cast<double>(low + static_cast<long>(k)) + 0.5) * kBinS;
@@ -210,11 +217,20 @@ Observation makeObservation(const Record& record, const RecordReport& report) {
     time.push_back(middle);
     force.push_back(std::accumulate(bins[k].begin(), bins[k].end(), 0.0) / static_cast<double>(bins[k].size()));
     way.push_back(valueOfBrokenLine(o.path.time_s, o.path.height_m, middle));
+    const Eigen::Vector2d before = sideways.empty() ? Eigen::Vector2d(0.0, 0.0) : sideways.back();
+    sideways.push_back(lateral_sums[k].z() > 0.0 ? Eigen::Vector2d(lateral_sums[k].head<2>() / lateral_sums[k].z())
+                                                 : before);
   }
   const auto count = static_cast<Eigen::Index>(time.size());
   o.time_s = Eigen::Map<Eigen::VectorXd>(time.data(), count);
   o.force_n = Eigen::Map<Eigen::VectorXd>(force.data(), count);
   o.way_m = Eigen::Map<Eigen::VectorXd>(way.data(), count);
+  if (lateral) {
+    o.lateral_n.resize(count, 2);
+    for (Eigen::Index i = 0; i < count; ++i) o.lateral_n.row(i) = sideways[static_cast<std::size_t>(i)].transpose();
+    const Eigen::Index at_rest = (o.time_s.array() < -0.5).count();
+    if (at_rest > 0) o.lateral_n.rowwise() -= Eigen::RowVector2d(o.lateral_n.topRows(at_rest).colwise().mean());
+  }
   o.travel_m = Eigen::VectorXd::Zero(count);
   std::vector<double> travel{0.0};
   for (std::size_t k = 1; k < o.path.time_s.size(); ++k) {
@@ -227,9 +243,9 @@ Observation makeObservation(const Record& record, const RecordReport& report) {
 
 SimulatedForce readSimulatedForce(const std::string& directory) {
   const std::string path = directory + "/force.csv";
-  const CsvTable table = readCsv(path, {"time_s", "force_n", "weight_n", "buoyancy_n"});
+  const CsvTable table = readCsv(path, {"time_s", "force_n", "weight_n", "buoyancy_n", "force_x_n", "force_y_n"});
   for (const auto& column : table.columns) {
-    if (!column) throw ConfigError("", "", "lacks time_s, force_n, weight_n or buoyancy_n", path);
+    if (!column) throw ConfigError("", "", "lacks a column of time, force, weight, buoyancy or lateral force", path);
   }
   SimulatedForce force;
   const std::vector<double>&time = *table.columns[0], &reading = *table.columns[1], &weight = *table.columns[2],
@@ -240,6 +256,8 @@ SimulatedForce readSimulatedForce(const std::string& directory) {
     force.time_s.push_back(time[i]);
     force.force_n.push_back(reading[i] - empty);
     force.empty_force_n.push_back(weight[i] - buoyancy[i] - empty);
+    force.force_x_n.push_back((*table.columns[4])[i]);
+    force.force_y_n.push_back((*table.columns[5])[i]);
   }
   if (force.time_s.size() < 2) throw ConfigError("", "", "holds no lift", path);
   return force;

@@ -40,21 +40,24 @@ class IdentifyProgram : public ::testing::Test {
     return runShell("cd '" + directory_->path() + "' && '" BRASH_ICE_PROGRAM "' " + arguments);
   }
 
-  /// Makes a record of the run: 8 s of rest, then the lift, with noise and what `changed` does to the force.
+  /// Makes a record of a run: 8 s of rest, then the lift, with noise and what `changed` does to the force.
   static void record(const std::string& name, unsigned seed,
-                     const std::function<double(double force_n, double empty_force_n)>& changed) {
-    const SimulatedForce force = readSimulatedForce(directory_->file("run"));
+                     const std::function<double(double force_n, double empty_force_n)>& changed,
+                     const std::string& run = "run", bool lateral = false) {
+    const SimulatedForce force = readSimulatedForce(directory_->file(run));
     std::mt19937 generator(seed);
     std::normal_distribution<double> noise(0.0, 15.0);
     std::ofstream csv(directory_->file(name + ".csv"));
-    csv << "time_s,force_n,hoist_position_m\n";
+    csv << "time_s,force_n,hoist_position_m" << (lateral ? ",force_x_n,force_y_n" : "") << '\n';
     const double start_m = -0.74;
     for (int row = 0; row * 0.02 < 21.0; ++row) {
       const double time = row * 0.02 - 8.0, lifted = std::min(std::max(time, 0.0), 8.0) * 0.15;
       const auto at = static_cast<std::size_t>(std::max(std::lround(time / 0.01), 0L));
       const std::size_t i = std::min(at, force.force_n.size() - 1);
       csv << row * 0.02 << ',' << std::round(changed(force.force_n[i], force.empty_force_n[i]) + noise(generator))
-          << ',' << start_m + lifted << '\n';
+          << ',' << start_m + lifted;
+      if (lateral) csv << ',' << force.force_x_n[i] + noise(generator) << ',' << force.force_y_n[i] + noise(generator);
+      csv << '\n';
     }
     std::ofstream(directory_->file(name + ".yaml"))
         << "source: synthetic\ntare_n: 0\nposition: measured\nrig: run/scenario.yaml\n"
@@ -120,6 +123,24 @@ TEST_F(IdentifyProgram, ZeroErrorOfTheLoadCellIsNamedAndTheErrorFalls) {
         std::snprintf(text, sizeof text, "%.4g", parameter["value"].get<double>());
         return std::string(text).substr(0, 3);
       }()));
+}
+
+TEST_F(IdentifyProgram, LateralChannelsShowThatThePoleMovesSidewaysAndWhereTo) {
+  ASSERT_EQ(program("run small.yaml --set effects.pole_tilt.enabled=true --set effects.pole_tilt.drift_mps=0.02 "
+                    "--set effects.pole_tilt.direction_deg=40 --out tilted_run")
+                .exit_code,
+            0);
+  record(
+      "tilted", 5, [](double force, double) { return force; }, "tilted_run", true);
+  const Outcome outcome = program("identify tilted.csv --screen --out tilted_out --cache cache --no-report");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
+  const auto json = report("tilted_out"), first = json["ranking"][0];
+  EXPECT_EQ(first["name"], "pole_tilt") << outcome.text;
+  EXPECT_GT(first["log_bayes_factor"], 6.0);
+  const auto& direction = first["parameters"][1];
+  EXPECT_EQ(direction["key"], "effects.pole_tilt.direction_deg");
+  EXPECT_LT(direction["low"], 40.0);
+  EXPECT_GT(direction["high"], 40.0);
 }
 
 TEST_F(IdentifyProgram, GarbageIsRefusedAndLeavesNoReport) {

@@ -106,6 +106,25 @@ TEST(Candidates, SwellOfSineAndCosineHasTheirAmplitudeAndPhase) {
   EXPECT_EQ(heave["amplitude_3_m"], 0.0);
 }
 
+TEST(Candidates, TiltSeenSidewaysGoesBothWaysAlongItsDirection) {
+  const std::vector<Variant> tilts = makeTilts(30.0);
+  ASSERT_EQ(tilts.size(), 4u);  // drift, and sway of three periods
+  EffectsConfig effects;
+  EffectValues& values = effects["pole_tilt"];
+  tilts[0].apply(values, Eigen::VectorXd::Constant(1, -0.004));
+  EXPECT_TRUE(values.enabled);
+  EXPECT_DOUBLE_EQ(values["drift_mps"], 0.004);
+  EXPECT_DOUBLE_EQ(values["direction_deg"], -150.0);
+  EXPECT_EQ(values["sway_m"], 0.0);
+  tilts[2].apply(values, Eigen::VectorXd::Constant(1, 0.1));
+  EXPECT_DOUBLE_EQ(values["sway_m"], 0.1);
+  EXPECT_DOUBLE_EQ(values["direction_deg"], 30.0);
+  EXPECT_DOUBLE_EQ(values["sway_period_s"], 15.0);
+  const auto told = tilts[0].estimate(Eigen::VectorXd::Constant(1, -0.004), Eigen::MatrixXd::Constant(1, 1, 1e-6));
+  EXPECT_DOUBLE_EQ(told[0].value, 0.004);
+  EXPECT_DOUBLE_EQ(told[1].value, -150.0);
+}
+
 TEST(Candidates, LoadCellActsOnTheForceAboveTheEmptyRig) {
   SimulatedForce force;
   for (int i = 0; i < 10; ++i) {

@@ -70,6 +70,8 @@ struct EffectDescription {
   const char* how_to_tell = "";
   /// The true forces stay what they were: the reading follows from them without another run.
   bool reading_only = false;
+  /// Lateral channels of a load cell show it. Of others a change of lateral force counts as scatter.
+  bool acts_sideways = false;
   /// It uses IceChanges::strength_ratio, or the arrays of mass in IceChanges and FieldAtCreation.
   bool changes_strength = false;
   bool changes_mass = false;

@@ -52,6 +52,11 @@ Variant makeFalls(const std::vector<double>& times_s);
 /// vessel_heave with given periods, s, at most 3. Two amplitudes per period: of sine and cosine.
 Variant makeSwell(const std::vector<double>& periods_s);
 
+/// pole_tilt where lateral channels show its direction: drift, and sway of three periods. Amplitudes have both signs:
+/// the way of the pole is known only up to that.
+/// @param direction_deg  in (-180, 180]
+std::vector<Variant> makeTilts(double direction_deg);
+
 /// What a fall of 1 kg of ice takes off the force, N, roughly: for finding its time only.
 Eigen::VectorXd fallTemplate(double time_s, const Eigen::VectorXd& bin_time_s);
 

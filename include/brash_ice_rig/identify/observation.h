@@ -32,10 +32,11 @@ struct Observation {
   double clock_offset_s = 0.0;  ///< that has been taken off
   double clock_sigma_s = 0.0;   ///< of what is left of it
   HoistPath path;
-  Eigen::VectorXd time_s;    ///< middle of each bin, 0 at start_s
-  Eigen::VectorXd force_n;   ///< tension less that of the empty rig in the water, > 0 when the rig pulls down
-  Eigen::VectorXd way_m;     ///< of the hoist since the start, at the middle of the bin
-  Eigen::VectorXd travel_m;  ///< distance covered since the start, whatever the direction
+  Eigen::VectorXd time_s;     ///< middle of each bin, 0 at start_s
+  Eigen::VectorXd force_n;    ///< tension less that of the empty rig in the water, > 0 when the rig pulls down
+  Eigen::MatrixXd lateral_n;  ///< a row per bin, x and y, less their means at rest; empty without lateral channels
+  Eigen::VectorXd way_m;      ///< of the hoist since the start, at the middle of the bin
+  Eigen::VectorXd travel_m;   ///< distance covered since the start, whatever the direction
   ForceNoise noise;
   bool ice_contact = true;  ///< false: the force never rises as ice would make it rise
 };
@@ -49,6 +50,7 @@ struct SimulatedForce {
   std::vector<double> time_s;         ///< equidistant
   std::vector<double> force_n;        ///< reading less that of the empty rig at the start
   std::vector<double> empty_force_n;  ///< the same without ice: weight less buoyancy
+  std::vector<double> force_x_n, force_y_n;
 };
 
 /// Reads force.csv of a run.

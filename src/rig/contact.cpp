@@ -38,7 +38,7 @@ ContactSum RigContact::update(double time_step_s, const SphBody& ice, const Coll
     const Eigen::Vector3d offset = ice.position()[i] - hub_position_m;
     const double plan_squared = offset.head<2>().squaredNorm();
     if (plan_squared > arm_reach * arm_reach || ice.isFixed(i)) continue;
-    const Eigen::Vector3d velocity = ice.velocity()[i].head<3>().cast<double>();
+    const Eigen::Vector3d velocity = ice.velocity(i).head<3>().cast<double>();
     // Books one touch, of net or pole, on the particle and on the rig; returns the force on the ice.
     const auto press = [&](const Touch& touch, Memory& memory) -> Eigen::Vector3d {
       const Forces on_ice = resolve(time_step_s, touch, velocity, memory, sum);

@@ -23,8 +23,9 @@ namespace {
 // Like PNG's: a transfer as text, which changes line ends or clears the highest bit, destroys it.
 constexpr char kMagic[8] = {'\x89', 'B', 'R', 'I', 'C', '\r', '\n', '\x1a'};
 constexpr std::uint32_t kByteOrder = 0x01020304u, kOtherByteOrder = 0x04030201u;
-/// Goes up with each change of the format. What a section holds tells itself, by the names of its fields.
-constexpr std::uint32_t kFormatVersion = 1;
+/// Goes up with each change of the format, and of what follows from a state: the load cell's noise of format 1 would go
+/// on otherwise. What a section holds tells itself, by the names of its fields.
+constexpr std::uint32_t kFormatVersion = 2;
 
 struct Header {
   char magic[sizeof kMagic];

@@ -249,10 +249,15 @@ void SphBody::refreshDueRows() {
 /// @return whether there was room for it among blocks_; its length is noted in any case
 bool SphBody::refreshRow(const SphSites& sites, std::size_t i, std::int32_t* scratch) {
   const std::size_t first = candidates_.row_begin[i], room = block_begin_[i + 1] - block_begin_[i];
-  double m[6];
+  double m[6], viscosity = 0.0;
   block_count_[i] = kernels_.refresh(sites, i, candidates_.index.data() + first, candidates_.row_begin[i + 1] - first,
-                                     scratch, blocks_.data() + block_begin_[i], room, padded(gradient_sum_) + i, m);
+                                     scratch, blocks_.data() + block_begin_[i], room, padded(gradient_sum_) + i, m,
+                                     &viscosity);
   if (static_cast<std::size_t>(block_count_[i]) > room) return false;
+  // A pair goes without the larger share of its two particles, so that its forces stay antisymmetric.
+  const double viscous_rate = viscosity * static_cast<double>(cached_volume_[i]) / particleMass();
+  const double allowed = settings_.largest_viscous_rate_ps;
+  velocity_[i].w() = viscous_rate > allowed ? static_cast<float>(1.0 - allowed / viscous_rate) : 0.0f;
   // M is symmetric: its inverse is that of its cofactors over its determinant.
   const double xx = m[1] * m[2] - m[4] * m[4], yy = m[0] * m[2] - m[5] * m[5], zz = m[0] * m[1] - m[3] * m[3];
   const double xy = m[4] * m[5] - m[3] * m[2], yz = m[3] * m[5] - m[4] * m[0], zx = m[3] * m[4] - m[5] * m[1];
@@ -351,7 +356,7 @@ void SphBody::updateRun(const SphRows& rows, const ActiveSet::Run& run, float ti
 void SphBody::updateActiveSet() {
   active_.endStep(position_, awake_axis_, awake_radius_, fallen_asleep_);
   for (const std::size_t i : fallen_asleep_) {
-    velocity_[i].setZero();
+    velocity_[i].head<3>().setZero();
     viscosity_[i].setZero();
   }
 }

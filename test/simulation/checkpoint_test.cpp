@@ -347,7 +347,7 @@ TEST_F(BadCheckpoint, OfAnotherKindVersionOrByteOrderIsRefusedByName) {
             "is not a checkpoint of brash_ice_rig, or one that was cut off at its beginning");
   EXPECT_EQ(refusalOf(std::string(content_.size(), '\0')),
             "is not a checkpoint of brash_ice_rig, or one that was cut off at its beginning");
-  EXPECT_EQ(refusalOf(sealed(withValue(12, std::uint32_t{7}))), "has format version 7, but this program reads 1 only");
+  EXPECT_EQ(refusalOf(sealed(withValue(12, std::uint32_t{7}))), "has format version 7, but this program reads 2 only");
   EXPECT_EQ(refusalOf(sealed(withValue(8, std::uint32_t{0x04030201}))),
             "was written on a machine of the other byte order");
 }

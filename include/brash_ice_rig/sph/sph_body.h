@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -28,6 +29,8 @@ struct SphSettings {
   double smoothing_length_m = 0.0;    ///< h, of all particles or at rest
   double viscosity_ratio = 0.1;       ///< alpha of the Monaghan viscosity
   double viscosity_speed_mps = 58.0;  ///< c in the viscosity; fixed, see doc/theory.md
+  /// No particle's neighbours, held still, would brake it faster than this, 1/s: what goes beyond is left out.
+  double largest_viscous_rate_ps = std::numeric_limits<double>::infinity();
   double volume_ratio_limit = 1.5;    ///< V / V_0 stays within 1/this .. this
   double determinant_limit = 0.1;     ///< below: no gradient correction
   double skin_m = 0.12;               ///< margin of the neighbour search
@@ -192,8 +195,9 @@ class SphBody {
   const std::vector<Eigen::Vector3d>& position() const {
     return position_;
   }
-  const AlignedVector<Eigen::Vector4f>& velocity() const {
-    return velocity_;
+  /// m/s, w = 0.
+  Eigen::Vector4f velocity(std::size_t i) const {
+    return {velocity_[i].x(), velocity_[i].y(), velocity_[i].z(), 0.0f};
   }
   /// In the order of material.h, Pa, tension positive.
   const std::array<std::vector<float>, kComponents>& stress() const {
@@ -268,7 +272,8 @@ class SphBody {
   const SphKernels& kernels_;
 
   std::vector<Eigen::Vector3d> position_;
-  AlignedVector<Eigen::Vector4f> velocity_;  ///< w = 0
+  /// m/s; w is a cached share of the viscosity, see refreshRow(), and stands here because kernels read both at once.
+  AlignedVector<Eigen::Vector4f> velocity_;
   std::array<std::vector<float>, kComponents> stress_;
   std::vector<std::vector<float>> state_;
   std::vector<float> volume_;

@@ -147,7 +147,7 @@ struct Simulation::Impl {
   void moveRig();
   void guard();
   void freeze(std::string reason);
-  std::string describeBreakdown(const Breakdown& breakdown) const;
+  std::string describeBreakdown(const Breakdown& found) const;
   void takeCommands();
   std::optional<RigCommand> commandOfScript() const;
   void updateForces();
@@ -285,7 +285,7 @@ SphBody Simulation::Impl::makeIce() {
 
 /// Of the crane tip alone where no effect moves it: a sum with zero could still turn the sign of a zero.
 Eigen::Vector3d Simulation::Impl::hubPosition() const {
-  const Eigen::Vector3d of_crane = crane.position() - Eigen::Vector3d(0.0, 0.0, scenario.collector.pole_length_m);
+  Eigen::Vector3d of_crane = crane.position() - Eigen::Vector3d(0.0, 0.0, scenario.collector.pole_length_m);
   if (effects.empty()) return of_crane;
   return of_crane + suspension.point.position_m + suspension.stretch.position_m;
 }

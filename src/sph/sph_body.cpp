@@ -250,9 +250,9 @@ void SphBody::refreshDueRows() {
 bool SphBody::refreshRow(const SphSites& sites, std::size_t i, std::int32_t* scratch) {
   const std::size_t first = candidates_.row_begin[i], room = block_begin_[i + 1] - block_begin_[i];
   double m[6], viscosity = 0.0;
-  block_count_[i] = kernels_.refresh(sites, i, candidates_.index.data() + first, candidates_.row_begin[i + 1] - first,
-                                     scratch, blocks_.data() + block_begin_[i], room, padded(gradient_sum_) + i, m,
-                                     &viscosity);
+  block_count_[i] =
+      kernels_.refresh(sites, i, candidates_.index.data() + first, candidates_.row_begin[i + 1] - first, scratch,
+                       blocks_.data() + block_begin_[i], room, padded(gradient_sum_) + i, m, &viscosity);
   if (static_cast<std::size_t>(block_count_[i]) > room) return false;
   // A pair goes without the larger share of its two particles, so that its forces stay antisymmetric.
   const double viscous_rate = viscosity * static_cast<double>(cached_volume_[i]) / particleMass();
@@ -329,7 +329,8 @@ void SphBody::updateStress(double time_step_s) {
     if (!share.holds(run, awake[run])) computeForce(run);
   }
 #pragma omp for schedule(static) nowait
-  for (std::size_t run = 0; run < watched.size(); ++run) kernels_.force(rows, watched[run].begin, watched[run].end);
+  for (std::size_t run = 0; run < watched.size(); ++run)  // NOLINT(modernize-loop-convert): for OpenMP
+    kernels_.force(rows, watched[run].begin, watched[run].end);
 }
 
 ActiveSet::Share SphBody::ownShare() const {

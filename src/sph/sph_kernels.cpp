@@ -19,7 +19,7 @@ constexpr float kSupportMargin = 1.0e-4f;
 #define BRASH_ICE_INDEPENDENT_ITERATIONS _Pragma("GCC ivdep")
 #endif
 
-typedef std::int32_t Int8 __attribute__((vector_size(32)));
+using Int8 __attribute__((vector_size(32))) = std::int32_t;
 
 BRASH_ICE_INLINE Float4 loadPadded(const Padded3& from) {
   return load<Float4>(from.component);

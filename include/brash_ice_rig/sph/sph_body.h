@@ -124,7 +124,7 @@ class SphBody {
       square_sums_[run] = square_sum;
     }
 #pragma omp for schedule(static) nowait
-    for (std::size_t run = 0; run < active_.watched().size(); ++run) {
+    for (std::size_t run = 0; run < active_.watched().size(); ++run) {  // NOLINT(modernize-loop-convert): for OpenMP
       for (std::size_t i = active_.watched()[run].begin; i < active_.watched()[run].end; ++i) {
         active_.sampleForce(i, force_[i] + external(i));
       }

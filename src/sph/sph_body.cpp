@@ -74,6 +74,7 @@ SphBody::SphBody(const SphSettings& settings, const Material& material, const st
   listed_.assign(count, 0);
   due_.reserve(count);
   square_sums_.assign(count, 0.0f);
+  odd_growth_.assign(count, 0);
   smoothing_length_.assign(count, settings.smoothing_length_m);
   double farthest = settings.smoothing_length_m;
   for (const Eigen::Vector3d& position : position_m) farthest = std::max(farthest, position.cwiseAbs().maxCoeff());
@@ -319,7 +320,7 @@ void SphBody::updateStress(double time_step_s) {
   // still in the cache from its first use; where another thread has neighbours, after all are known.
   const auto computeForce = [&](std::size_t run) { kernels_.force(rows, awake[run].begin, awake[run].end); };
   for (std::size_t run = share.begin; run < share.end; ++run) {
-    updateRun(rows, awake[run], static_cast<float>(time_step_s));
+    odd_growth_[run] = updateRun(rows, awake[run], static_cast<float>(time_step_s)) ? 0 : 1;
     active_.forRunsCompletedBy(run, [&](std::size_t completed) {
       if (share.holds(completed, awake[completed])) computeForce(completed);
     });
@@ -337,7 +338,8 @@ ActiveSet::Share SphBody::ownShare() const {
   return active_.share(static_cast<std::size_t>(omp_get_thread_num()), static_cast<std::size_t>(omp_get_num_threads()));
 }
 
-void SphBody::updateRun(const SphRows& rows, const ActiveSet::Run& run, float time_step_s) {
+/// @return whether all volumes grow within bounds
+bool SphBody::updateRun(const SphRows& rows, const ActiveSet::Run& run, float time_step_s) {
   const std::size_t begin = run.begin, end = run.end;
   const auto rest_volume = static_cast<float>(settings_.particle_volume_m3);
   const auto limit = static_cast<float>(settings_.volume_ratio_limit);
@@ -352,6 +354,10 @@ void SphBody::updateRun(const SphRows& rows, const ActiveSet::Run& run, float ti
   for (auto& values : state_) batch.state.push_back(values.data() + begin);
   material_.update(batch);
   kernels_.correctStress(rows, begin, end);
+  // Here, where they are in the cache, and without a branch.
+  int beyond = 0;
+  for (std::size_t i = begin; i < end; ++i) beyond += growsWithinBounds(i) ? 0 : 1;
+  return beyond == 0;
 }
 
 void SphBody::updateActiveSet() {

@@ -104,16 +104,16 @@ class SphBody {
     const ActiveSet::Share share = ownShare();
     for (std::size_t run = share.begin; run < share.end; ++run) {
       float square_sum = 0.0f;
+      const bool odd = odd_growth_[run] != 0;
       for (std::size_t i = active_.awake()[run].begin; i < active_.awake()[run].end; ++i) {
         if (sampling) active_.sampleStress(i, stress_);
         if (fixed_[i]) continue;
         const float push = inertia_ratio_.empty() ? dt_over_mass : dt_over_mass / inertia_ratio_[i];
         const Eigen::Vector4f velocity = velocity_[i] * decay + push * (force_[i] + external(i));
         const float speed_squared = velocity.head<3>().squaredNorm();
-        const float growth = strain_increment_[0][i] + strain_increment_[1][i] + strain_increment_[2][i];
         // Written so that NaN is caught, too.
-        if (!(speed_squared < bound_squared && std::abs(growth) < kLargestVolumeGrowth)) {
-          if (!breakdown) breakdown = Breakdown{i, std::sqrt(static_cast<double>(speed_squared)), growth};
+        if (!(speed_squared < bound_squared) || (odd && !growsWithinBounds(i))) {
+          if (!breakdown) breakdown = Breakdown{i, std::sqrt(static_cast<double>(speed_squared)), volumeGrowth(i)};
           continue;
         }
         fastest_squared = std::max(fastest_squared, speed_squared);
@@ -243,6 +243,14 @@ class SphBody {
   void visitState(StateVisitor& visitor);
 
  private:
+  /// Change of a particle's volume in this step, ratio.
+  float volumeGrowth(std::size_t i) const {
+    return strain_increment_[0][i] + strain_increment_[1][i] + strain_increment_[2][i];
+  }
+  /// Not where it is NaN.
+  bool growsWithinBounds(std::size_t i) const {
+    return std::abs(volumeGrowth(i)) < kLargestVolumeGrowth;
+  }
   ActiveSet::Share ownShare() const;
   SphRows rows();
   void checkMoves();
@@ -261,7 +269,7 @@ class SphBody {
   }
   void setSite(std::size_t i);
   bool refreshRow(const SphSites& sites, std::size_t i, std::int32_t* scratch);
-  void updateRun(const SphRows& rows, const ActiveSet::Run& run, float time_step_s);
+  bool updateRun(const SphRows& rows, const ActiveSet::Run& run, float time_step_s);
   void updateActiveSet();
   void checkLoaded(const StateVisitor& visitor) const;
   std::uint64_t hashOfRows() const;
@@ -322,6 +330,7 @@ class SphBody {
 
   float fastest_squared_ = 0.0f;
   std::optional<Breakdown> breakdown_;
+  std::vector<char> odd_growth_;    ///< per run of those that are awake: a volume has changed by too much
   std::vector<float> square_sums_;  ///< of the speeds in each run of those that are awake; who sleeps does not move
   double speed_squared_sum_ = 0.0;
 };

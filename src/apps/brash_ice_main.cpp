@@ -13,9 +13,7 @@
 #include <cstring>
 #include <exception>
 #include <filesystem>
-#include <fstream>
 #include <functional>
-#include <iterator>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -26,6 +24,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "brash_ice_rig/config/input_file.h"
 #include "brash_ice_rig/config/number_check.h"
 #include "brash_ice_rig/config/scenario_reader.h"
 #include "brash_ice_rig/identify/identification.h"
@@ -33,6 +32,7 @@
 #include "brash_ice_rig/identify/record_check.h"
 #include "brash_ice_rig/identify/replay.h"
 #include "brash_ice_rig/node/split_list.h"
+#include "brash_ice_rig/output/output_file.h"
 #include "brash_ice_rig/output/progress_line.h"
 #include "brash_ice_rig/output/record_writer.h"
 #include "brash_ice_rig/output/run_files.h"
@@ -199,10 +199,7 @@ int study(StudyOptions options) {
 }
 
 bool isBag(const std::string& file) {
-  constexpr char kStart[] = "#ROSBAG V2.0";
-  char start[sizeof kStart] = {};
-  std::ifstream(file, std::ios::binary).read(start, sizeof kStart - 1);
-  return std::strcmp(start, kStart) == 0;
+  return fileBeginsWith(file, "#ROSBAG V2.0");
 }
 
 /// A record with the files that it names.
@@ -231,8 +228,7 @@ OwnedRecord readBag(const std::string& file) {
   try {
     const std::optional<ChildEnd> end = ChildProcess(setup).wait(kTimeout, [] { return stop_requested != 0; });
     if (end && end->success()) return {readRecord(directory), lifetime};
-    std::ifstream log(setup.log_file);
-    reason.assign(std::istreambuf_iterator<char>(log), {});
+    reason = textOfFileIfThere(setup.log_file);
     while (!reason.empty() && reason.back() == '\n') reason.pop_back();
     if (reason.empty()) reason = setup.program + ": " + (end ? end->text() : "stopped before its end");
   } catch (const std::system_error& error) {

@@ -3,15 +3,13 @@
 #include <locale.h>
 
 #include <algorithm>
-#include <cerrno>
+#include <array>
 #include <cstdlib>
 #include <cstring>
-#include <filesystem>
-#include <fstream>
 #include <limits>
-#include <system_error>
 
 #include "brash_ice_rig/config/config_error.h"
+#include "brash_ice_rig/config/input_file.h"
 #include "brash_ice_rig/config/number_check.h"
 
 namespace brash_ice_rig {
@@ -26,17 +24,7 @@ std::string shown(const std::string& text) {
 /// Lines of a text file, none longer than allowed.
 class LineReader {
  public:
-  explicit LineReader(const std::string& path) : path_(path) {
-    std::error_code error;
-    const auto status = std::filesystem::status(path, error);
-    if (std::filesystem::is_directory(status)) throw ConfigError("", "", "is a directory, not a file", path);
-    // A pipe or a device may never end.
-    if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status)) {
-      throw ConfigError("", "", "is not a regular file", path);
-    }
-    stream_.open(path, std::ios::binary);
-    if (!stream_) throw ConfigError("", "", std::string("file cannot be read: ") + std::strerror(errno), path);
-  }
+  explicit LineReader(const std::string& path) : path_(path), file_(path) {}
 
   /// The next line that is neither empty nor a comment, without its end. False: there is none.
   bool next(std::string& line) {
@@ -52,17 +40,15 @@ class LineReader {
 
  private:
   bool nextLine(std::string& line) {
-    std::streambuf& buffer = *stream_.rdbuf();
-    constexpr int kEnd = std::streambuf::traits_type::eof();
     line.clear();
-    if (buffer.sgetc() == kEnd) return false;
+    if (peek() == kEnd) return false;
     if (++number_ > kMaxCsvLines) {
       throw ConfigError("", "", "more than " + std::to_string(kMaxCsvLines) + " lines; give fewer samples a second",
                         path_);
     }
-    for (int c = buffer.sbumpc(); c != kEnd && c != '\n'; c = buffer.sbumpc()) {
+    for (int c = take(); c != kEnd && c != '\n'; c = take()) {
       if (c == '\r') {
-        if (buffer.sgetc() == '\n') buffer.sbumpc();
+        if (peek() == '\n') take();
         break;
       }
       if (c < ' ' && c != '\t') {
@@ -79,8 +65,26 @@ class LineReader {
     return true;
   }
 
+  static constexpr int kEnd = -1;
+
+  /// The next byte, or kEnd.
+  int peek() {
+    if (next_ == end_) {
+      next_ = 0;
+      end_ = file_.read(buffer_.data(), buffer_.size());
+    }
+    return next_ < end_ ? static_cast<unsigned char>(buffer_[next_]) : kEnd;
+  }
+  int take() {
+    const int byte = peek();
+    if (byte != kEnd) ++next_;
+    return byte;
+  }
+
   std::string path_;
-  std::ifstream stream_;
+  InputFile file_;
+  std::array<char, 1u << 14> buffer_;
+  std::size_t next_ = 0, end_ = 0;
   std::size_t number_ = 0;
 };
 

@@ -206,6 +206,11 @@ std::string nearestName(const KeyTable& table, const std::string& unknown) {
   const std::string unknown_leaf = unknown.substr(unknown.rfind('.') + 1);
   std::string nearest;
   std::pair<int, int> least(std::numeric_limits<int>::max(), 0);
+  // Names whose length alone tells that they are farther are not looked at.
+  const auto atLeast = [](const std::string& left, const std::string& right) {
+    const std::size_t longer = std::max(left.size(), right.size()), shorter = std::min(left.size(), right.size());
+    return static_cast<int>(longer - shorter);
+  };
   const auto consider = [&](const std::string& candidate, int distance, int whole_distance) {
     if (std::make_pair(distance, whole_distance) >= least) return;
     least = {distance, whole_distance};
@@ -216,9 +221,11 @@ std::string nearestName(const KeyTable& table, const std::string& unknown) {
     consider(section, distance, distance);
   }
   for (const Key& key : table.keys()) {
+    const std::string name = key.fullName();
+    if (std::min(atLeast(unknown, name), 2 + 2 * atLeast(unknown_leaf, key.name)) > least.first) continue;
     const int elsewhere = 2 + 2 * editDistance(unknown_leaf, key.name);
-    const int distance = editDistance(unknown, key.fullName());
-    consider(key.fullName(), std::min(distance, elsewhere), distance);
+    const int distance = editDistance(unknown, name);
+    consider(name, std::min(distance, elsewhere), distance);
   }
   return nearest;
 }
@@ -388,10 +395,11 @@ std::string sectionHeads(const std::string& before, const std::string& section) 
   std::string heads, outer;
   std::istringstream names(section);
   for (std::string name; std::getline(names, name, '.');) {
-    const std::string inner = outer.empty() ? name : outer + "." + name;
-    const bool open = before == inner || before.rfind(inner + ".", 0) == 0;
-    if (!open) heads += (outer.empty() ? "\n" : std::string(2 * sectionDepth(outer), ' ')) + name + ":\n";
-    outer = inner;
+    const std::string indent = outer.empty() ? "\n" : std::string(2 * sectionDepth(outer), ' ');
+    if (!outer.empty()) outer += '.';
+    outer += name;
+    const bool open = before == outer || before.rfind(outer + ".", 0) == 0;
+    if (!open) heads += indent + name + ":\n";
   }
   return heads;
 }
@@ -436,8 +444,9 @@ std::string toYaml(const Scenario& scenario) {
     }
     const std::string indent(section.empty() ? 0 : 2 * sectionDepth(section), ' ');
     const std::string value = key.write();
-    yaml += value.empty() ? indent + "# " + key.name + " is not set: " + key.help + "\n"
-                          : indent + key.name + ": " + value + "  # " + key.help + "\n";
+    yaml += indent;
+    yaml += value.empty() ? "# " + key.name + " is not set: " + key.help + "\n"
+                          : key.name + ": " + value + "  # " + key.help + "\n";
   }
   return yaml;
 }

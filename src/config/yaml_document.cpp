@@ -4,15 +4,11 @@
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
-#include <filesystem>
-#include <fstream>
 #include <sstream>
-#include <system_error>
 
 #include "brash_ice_rig/config/config_error.h"
 #include "brash_ice_rig/config/edit_distance.h"
+#include "brash_ice_rig/config/input_file.h"
 #include "brash_ice_rig/config/number_check.h"
 
 namespace brash_ice_rig {
@@ -41,15 +37,7 @@ std::string joined(const std::vector<std::string>& words) {
 }  // namespace
 
 YAML::Node readYamlMap(const std::string& path, const std::string& content) {
-  std::error_code ignored;
-  if (std::filesystem::is_directory(path, ignored)) throw ConfigError("", "", "is a directory, not a file", path);
-  std::ifstream in(path, std::ios::binary);
-  if (!in) throw ConfigError("", "", std::string("file cannot be read: ") + std::strerror(errno), path);
-  // In pieces: neither a pipe nor a device tells its size.
-  std::string text;
-  for (char piece[8192]; text.size() <= kMaxYamlBytes && (in.read(piece, sizeof piece), in.gcount() > 0);) {
-    text.append(piece, static_cast<std::size_t>(in.gcount()));
-  }
+  const std::string text = InputFile(path).read(kMaxYamlBytes + 1);
   if (text.size() > kMaxYamlBytes) {
     throw ConfigError(
         "", "", "is larger than " + std::to_string(kMaxYamlBytes >> 20) + " MB, which no YAML file of ours is", path);

@@ -4,11 +4,10 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <optional>
 #include <utility>
 
+#include "brash_ice_rig/config/input_file.h"
 #include "brash_ice_rig/identify/measured_force.h"
 #include "brash_ice_rig/identify/record_check.h"
 #include "brash_ice_rig/output/output_file.h"
@@ -42,11 +41,8 @@ std::string toCsv(const char* header, const std::vector<double>& time, const std
 
 /// The record's file into the replay's directory: records may move, and one made of a bag does not last.
 std::string copyInto(const std::string& directory, const char* name, const std::string& source) {
-  std::ifstream stream(source, std::ios::binary);
-  const std::string content{std::istreambuf_iterator<char>(stream), {}};
-  if (!stream) throw ConfigError("", "", "cannot be read", source);
-  const std::string target = directory + "/" + name;
-  replaceFile(target, content);
+  std::string target = directory + "/" + name;
+  replaceFile(target, InputFile(source).read());
   return target;
 }
 

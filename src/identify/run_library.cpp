@@ -2,8 +2,6 @@
 
 #include <cassert>
 #include <chrono>
-#include <cinttypes>
-#include <cstdio>
 #include <filesystem>
 #include <stdexcept>
 
@@ -19,12 +17,6 @@ namespace {
 
 using WallClock = std::chrono::steady_clock;
 
-std::string hexadecimal(std::uint64_t value) {
-  char text[17];
-  std::snprintf(text, sizeof text, "%016" PRIx64, value);
-  return text;
-}
-
 }  // namespace
 
 RunLibrary::RunLibrary(const std::string& directory, const RunPoolOptions& pool)
@@ -38,7 +30,7 @@ std::string RunLibrary::motionFile(const HoistPath& path) {
   for (std::size_t i = 0; i < path.time_s.size(); ++i) {
     text += formatNumber(path.time_s[i]) + "," + formatNumber(path.height_m[i]) + "\n";
   }
-  const std::string file = directory_ + "/motions/" + hexadecimal(fnv1a(text)) + ".csv";
+  std::string file = directory_ + "/motions/" + hashText(text) + ".csv";
   // Processes that share the directory write it at the same time, others read it already.
   if (!std::filesystem::exists(file)) {
     const std::string draft = file + "." + Claims(pool_.lease_s).name();
@@ -49,7 +41,7 @@ std::string RunLibrary::motionFile(const HoistPath& path) {
 }
 
 std::string RunLibrary::request(const Scenario& scenario) {
-  const std::string key = hexadecimal(fnv1a(toYaml(scenario)));
+  std::string key = hashText(toYaml(scenario));
   if (keys_.emplace(key, false).second) {
     waiting_.push_back({directory_ + "/" + key, scenario});
     waiting_keys_.push_back(key);

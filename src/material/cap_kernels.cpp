@@ -17,14 +17,14 @@ constexpr std::size_t kWidth = 4;
 #else
 constexpr std::size_t kWidth = 2;
 #endif
-typedef double Doubles __attribute__((vector_size(8 * kWidth)));
-typedef float Floats __attribute__((vector_size(4 * kWidth)));
-typedef std::int64_t Mask __attribute__((vector_size(8 * kWidth)));  // all bits of a lane are set, or none
-typedef std::uint64_t Bits __attribute__((vector_size(8 * kWidth)));
+using Doubles __attribute__((vector_size(8 * kWidth))) = double;
+using Floats __attribute__((vector_size(4 * kWidth))) = float;
+using Mask __attribute__((vector_size(8 * kWidth))) = std::int64_t;  // all bits of a lane are set, or none
+using Bits __attribute__((vector_size(8 * kWidth))) = std::uint64_t;
 // As many floats as the registers hold, for the elastic pass.
 constexpr std::size_t kFloatWidth = 2 * kWidth;
-typedef float WideFloats __attribute__((vector_size(4 * kFloatWidth)));
-typedef std::int32_t WideMask __attribute__((vector_size(4 * kFloatWidth)));
+using WideFloats __attribute__((vector_size(4 * kFloatWidth))) = float;
+using WideMask __attribute__((vector_size(4 * kFloatWidth))) = std::int32_t;
 
 constexpr double kLargestLastStep = 3e-5;  // relative; what its square neglects is below the tolerance
 constexpr double kLastError = 1e-10;       // relative
@@ -129,7 +129,7 @@ BRASH_ICE_INLINE Doubles asFloat(Doubles value) {
 }
 
 BRASH_ICE_INLINE Mask isFinite(Doubles x) {
-  return x - x == 0.0;
+  return x - x == 0.0;  // NOLINT(misc-redundant-expression): NaN for all others
 }
 
 BRASH_ICE_INLINE Doubles squareRoot(Doubles x) {

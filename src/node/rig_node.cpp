@@ -4,8 +4,6 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <limits>
 #include <optional>
 #include <string>
@@ -19,6 +17,7 @@
 #include "brash_ice_rig/node/rig_markers.h"
 #include "brash_ice_rig/node/rig_urdf.h"
 #include "brash_ice_rig/node/topic_names.h"
+#include "brash_ice_rig/output/output_file.h"
 #include "brash_ice_rig/system/child_process.h"
 #include "brash_ice_rig/version.h"
 
@@ -484,8 +483,7 @@ void RigNode::publishScenario() {
   if (scenario_.procedure.motion_file.empty()) return;
   motion_file_publisher_ = node_.advertise<std_msgs::String>(topics::kMotionFile, 1, true);
   std_msgs::String motion;
-  std::ifstream file(scenario_.procedure.motion_file, std::ios::binary);
-  motion.data.assign(std::istreambuf_iterator<char>(file), {});
+  motion.data = textOfFileIfThere(scenario_.procedure.motion_file);
   motion_file_publisher_.publish(motion);
 }
 

@@ -1,6 +1,8 @@
 // rig_node: the pull-up rig as a ROS node. Topics, services and parameters: doc/ros_api.md.
 // Exit codes: 0 done, 1 run failed, 2 bad input.
 
+#include <malloc.h>
+
 #include <exception>
 #include <memory>
 
@@ -15,6 +17,9 @@
 int main(int argc, char** argv) {
   using namespace brash_ice_rig;
   letWaitingThreadsSleep(argv);
+  // What an autosave needs for a moment, the more the longer a run has been, goes back to the system: otherwise the
+  // heap keeps up to 64 MB of it.
+  mallopt(M_MMAP_THRESHOLD, 4 << 20);
   ros::init(argc, argv, "rig_node");
   try {
     ros::NodeHandle node, private_node("~");

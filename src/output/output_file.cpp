@@ -11,6 +11,9 @@
 #include <system_error>
 #include <utility>
 
+#include "brash_ice_rig/config/config_error.h"
+#include "brash_ice_rig/config/input_file.h"
+
 namespace brash_ice_rig {
 namespace {
 
@@ -34,6 +37,22 @@ void replaceFile(const std::string& path, const std::string& text) {
   OutputFile file(path, OutputFile::Mode::kReplace);
   file.write(text);
   file.close();
+}
+
+std::string textOfFile(const std::string& path) {
+  try {
+    return InputFile(path).read();
+  } catch (const ConfigError& error) {
+    throw OutputError(path, error.rule());
+  }
+}
+
+std::string textOfFileIfThere(const std::string& path) {
+  try {
+    return textOfFile(path);
+  } catch (const OutputError&) {
+    return "";
+  }
 }
 
 void removeFile(const std::string& path) {

@@ -3,11 +3,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <system_error>
 
 #include "brash_ice_rig/config/scenario_reader.h"
@@ -83,12 +79,7 @@ void RecordWriter::finish(const Simulation& simulation) {
   RigCommand end;
   end.time_s = last_time_s_;
   replaceFile(base_ + "_commands.csv", commands_ + toCsvRow(end));
-  if (!motion_file.empty()) {
-    std::ifstream motion(motion_file, std::ios::binary);
-    const std::string text{std::istreambuf_iterator<char>(motion), {}};
-    if (!motion) throw OutputError(motion_file, std::strerror(errno));
-    replaceFile(base_ + "_motion.csv", text);
-  }
+  if (!motion_file.empty()) replaceFile(base_ + "_motion.csv", textOfFile(motion_file));
 
   YAML::Emitter manifest;
   manifest << YAML::BeginMap;

@@ -2,9 +2,7 @@
 
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <initializer_list>
-#include <iterator>
 #include <limits>
 #include <system_error>
 
@@ -78,12 +76,8 @@ void visitRows(StateVisitor& visitor, OutputFile& file, const std::string& heade
   std::string rows;
   if (!visitor.loading()) {
     file.flush();
-    // Whatever else stands there, a pipe say, has no rows to read back.
-    if (!std::filesystem::is_regular_file(file.path())) throw OutputError(file.path(), "is not a file");
-    std::ifstream stream(file.path(), std::ios::binary);
-    stream.seekg(static_cast<std::streamoff>(header.size()));
-    rows.assign(std::istreambuf_iterator<char>(stream), {});
-    if (!stream) throw OutputError(file.path(), "cannot be read back for a checkpoint");
+    rows = textOfFile(file.path());
+    rows.erase(0, header.size());
   }
   std::string columns = header;
   visitor("header", columns);

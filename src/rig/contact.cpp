@@ -38,11 +38,11 @@ ContactSum RigContact::update(double time_step_s, const SphBody& ice, const Coll
     const Eigen::Vector3d offset = ice.position()[i] - hub_position_m;
     const double plan_squared = offset.head<2>().squaredNorm();
     if (plan_squared > arm_reach * arm_reach || ice.isFixed(i)) continue;
-    const Eigen::Vector3d velocity = ice.velocity()[i].head<3>().cast<double>();
+    const Eigen::Vector3d velocity = ice.velocity(i).head<3>().cast<double>();
     // Books one touch, of net or pole, on the particle and on the rig; returns the force on the ice.
     const auto press = [&](const Touch& touch, Memory& memory) -> Eigen::Vector3d {
       const Forces on_ice = resolve(time_step_s, touch, velocity, memory, sum);
-      const Eigen::Vector3d total = on_ice.normal + on_ice.friction;
+      Eigen::Vector3d total = on_ice.normal + on_ice.friction;
       force_[i].head<3>() += total.cast<float>();
       sum.normal_n -= on_ice.normal;
       sum.friction_n -= on_ice.friction;
@@ -153,6 +153,7 @@ void RigContact::visitState(StateVisitor& visitor) {
 /// Only those in contact remember anything, and they are few.
 void RigContact::visitMemory(StateVisitor& visitor, std::vector<Memory>& memory) {
   std::vector<std::int8_t> side;
+  side.reserve(memory.size());
   for (const Memory& of_particle : memory) side.push_back(of_particle.side);
   visitor("side", side);
   for (std::size_t i = 0; i < memory.size(); ++i) {

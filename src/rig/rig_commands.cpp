@@ -34,10 +34,11 @@ std::vector<RigCommand> readCommands(const std::string& path) {
   if (!table.columns[0]) throw refuse("must have a column time_s");
   bool any = false;
   for (std::size_t column = 1; column < names.size(); ++column) any = any || table.columns[column].has_value();
-  if (!any)
+  if (!any) {
     throw refuse(
         "must have one of the columns velocity_x_mps, ..., fold_target, tare, load_cell_noise_n, "
         "load_cell_resolution_n");
+  }
   if (table.last_row_cut_off) throw refuse("the last line is cut off, and with it the end of the test");
   if (table.bad_cells > 0) {
     const CsvTable::BadCell& bad = *table.first_bad_cell;

@@ -12,9 +12,11 @@
 #include <system_error>
 #include <utility>
 
+#include "brash_ice_rig/config/input_file.h"
 #include "brash_ice_rig/config/scenario_reader.h"
 #include "brash_ice_rig/config/yaml_document.h"
 #include "brash_ice_rig/output/output_file.h"
+#include "brash_ice_rig/system/descriptor.h"
 #include "brash_ice_rig/system/hash.h"
 
 namespace brash_ice_rig {
@@ -23,8 +25,9 @@ namespace {
 // Like PNG's: a transfer as text, which changes line ends or clears the highest bit, destroys it.
 constexpr char kMagic[8] = {'\x89', 'B', 'R', 'I', 'C', '\r', '\n', '\x1a'};
 constexpr std::uint32_t kByteOrder = 0x01020304u, kOtherByteOrder = 0x04030201u;
-/// Goes up with each change of the format. What a section holds tells itself, by the names of its fields.
-constexpr std::uint32_t kFormatVersion = 1;
+/// Goes up with each change of the format, and of what follows from a state: the load cell's noise of format 1 would go
+/// on otherwise. What a section holds tells itself, by the names of its fields.
+constexpr std::uint32_t kFormatVersion = 2;
 
 struct Header {
   char magic[sizeof kMagic];
@@ -124,25 +127,6 @@ class Loader : public StateVisitor {
   std::ifstream& stream_;
   std::string section_;
   std::uint64_t left_;
-};
-
-/// A file descriptor that is closed in any case.
-class Descriptor {
- public:
-  Descriptor(const std::string& path, int flags) : number_(open(path.c_str(), flags | O_CLOEXEC, 0666)) {}
-  ~Descriptor() { close(); }
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-
-  bool good() const { return number_ >= 0; }
-  int number() const { return number_; }
-  bool close() {
-    const int number = std::exchange(number_, -1);
-    return number < 0 || ::close(number) == 0;
-  }
-
- private:
-  int number_;
 };
 
 bool writeAll(int descriptor, const std::string& content) {
@@ -297,9 +281,7 @@ void CheckpointReader::refuse(const std::string& reason) const {
 }
 
 bool isCheckpoint(const std::string& path) {
-  char start[sizeof kMagic] = {};
-  std::ifstream(path, std::ios::binary).read(start, sizeof start);
-  return std::memcmp(start, kMagic, sizeof kMagic) == 0;
+  return fileBeginsWith(path, std::string(kMagic, sizeof kMagic));
 }
 
 }  // namespace brash_ice_rig

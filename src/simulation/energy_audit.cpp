@@ -40,7 +40,7 @@ void EnergyAudit::beginStep() {
 #pragma omp for schedule(static)
   for (std::size_t i = 0; i < ice_.size(); ++i) {
     Start& start = start_[i];
-    start.velocity = ice_.velocity()[i];
+    start.velocity = ice_.velocity(i);
     start.height = static_cast<float>(ice_.position()[i].z());
     // The stress works on the strain in a frame that turns with the particle: as the material sees both.
     const Eigen::Matrix3d increment = time_step_ * ice_.velocityGradient(i).cast<double>();
@@ -59,7 +59,7 @@ void EnergyAudit::endStep(double damping_per_s) {
     Work& work = work_[i];
     work.stress += 0.5 * static_cast<double>(ice_.volume()[i]) * stressTensor(ice_, i).cwiseProduct(start.strain).sum();
     if (ice_.isFixed(i)) continue;  // does not move, so no force works on it
-    const Eigen::Vector3d way = 0.5 * time_step_ * (toDouble(start.velocity) + toDouble(ice_.velocity()[i]));
+    const Eigen::Vector3d way = 0.5 * time_step_ * (toDouble(start.velocity) + toDouble(ice_.velocity(i)));
     const Eigen::Vector3d viscous = toDouble(ice_.viscousForce(i));
     work.internal += (toDouble(ice_.internalForce(i)) - viscous).dot(way);
     work.viscous += viscous.dot(way);
@@ -90,7 +90,7 @@ EnergyAudit::Stored EnergyAudit::stored() const {
   std::array<float, kComponents> stress{};
   std::vector<float> state(ice_.state().size());
   for (std::size_t i = 0; i < ice_.size(); ++i) {
-    sum.kinetic += 0.5 * ice_.particleMass() * toDouble(ice_.velocity()[i]).squaredNorm();
+    sum.kinetic += 0.5 * ice_.particleMass() * toDouble(ice_.velocity(i)).squaredNorm();
     const double height = ice_.position()[i].z();
     sum.weight += water_.weightPotential(height);
     sum.buoyancy += water_.buoyancyPotential(height);

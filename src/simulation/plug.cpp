@@ -94,8 +94,8 @@ std::vector<Eigen::Vector3d> subdivide(const std::vector<Eigen::Vector2d>& polyg
     const Eigen::Vector2d& from = polygon_m[i];
     const Eigen::Vector2d side = polygon_m[(i + 1) % polygon_m.size()] - from;
     const double parts = std::max(1.0, std::ceil(side.norm() / spacing_m));
-    for (double part = 0.0; part < parts; ++part) {
-      const Eigen::Vector2d corner = from + part / parts * side;
+    for (int part = 0; part < static_cast<int>(parts); ++part) {
+      const Eigen::Vector2d corner = from + static_cast<double>(part) / parts * side;
       corners.emplace_back(corner.x(), corner.y(), 0.0);
     }
   }

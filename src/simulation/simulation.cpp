@@ -57,6 +57,8 @@ SphSettings makeSphSettings(const Scenario& s, double density_kgpm3, double time
   settings.variable_smoothing_length = s.solver.smoothing_length == SmoothingLength::kVariable;
   settings.viscosity_ratio = s.solver.viscosity_ratio;
   settings.viscosity_speed_mps = s.solver.viscosity_speed_mps;
+  // An explicit step is stable up to 2, over the sum of the rates of both ends of a pair.
+  settings.largest_viscous_rate_ps = 1.0 / time_step_s;
   settings.volume_ratio_limit = s.solver.volume_ratio_limit;
   settings.determinant_limit = s.solver.determinant_limit;
   settings.skin_m = s.solver.neighbour_skin_ratio * dx;
@@ -145,7 +147,7 @@ struct Simulation::Impl {
   void moveRig();
   void guard();
   void freeze(std::string reason);
-  std::string describeBreakdown(const Breakdown& breakdown) const;
+  std::string describeBreakdown(const Breakdown& found) const;
   void takeCommands();
   std::optional<RigCommand> commandOfScript() const;
   void updateForces();
@@ -283,7 +285,7 @@ SphBody Simulation::Impl::makeIce() {
 
 /// Of the crane tip alone where no effect moves it: a sum with zero could still turn the sign of a zero.
 Eigen::Vector3d Simulation::Impl::hubPosition() const {
-  const Eigen::Vector3d of_crane = crane.position() - Eigen::Vector3d(0.0, 0.0, scenario.collector.pole_length_m);
+  Eigen::Vector3d of_crane = crane.position() - Eigen::Vector3d(0.0, 0.0, scenario.collector.pole_length_m);
   if (effects.empty()) return of_crane;
   return of_crane + suspension.point.position_m + suspension.stretch.position_m;
 }
@@ -294,7 +296,7 @@ Eigen::Vector3d Simulation::Impl::hubVelocity() const {
 }
 
 Eigen::Vector4f Simulation::Impl::waterForce(std::size_t i) const {
-  Eigen::Vector4f force = water.force(static_cast<float>(ice.position()[i].z()), ice.velocity()[i]);
+  Eigen::Vector4f force = water.force(static_cast<float>(ice.position()[i].z()), ice.velocity(i));
   if (changes.solid_ratio.empty()) return force;
   force *= changes.solid_ratio[i];
   force.z() -= static_cast<float>(kGravityMps2) * changes.held_water_kg[i];
@@ -458,7 +460,7 @@ void Simulation::Impl::guard() {
   if (kinetic_j <= numerical_guard.energyBound()) return;
   Breakdown fastest;
   for (std::size_t i = 0; i < ice.size(); ++i) {
-    const double speed = static_cast<double>(ice.velocity()[i].norm());
+    const double speed = static_cast<double>(ice.velocity(i).norm());
     if (speed > fastest.speed_mps) fastest = {i, speed, 0.0};
   }
   char text[160];
@@ -717,7 +719,7 @@ Snapshot Simulation::snapshot() const {
 
   double speed_squared_sum = 0.0;
   for (std::size_t i = 0; i < world.ice.size(); ++i) {
-    const Eigen::Vector4f& velocity = world.ice.velocity()[i];
+    const Eigen::Vector4f velocity = world.ice.velocity(i);
     const double solid = world.solidRatio(i);
     speed_squared_sum += solid * static_cast<double>(velocity.squaredNorm());
     const Eigen::Vector3d& position = world.ice.position()[i];
@@ -749,7 +751,7 @@ ParticleCloud Simulation::particles() const {
     cloud.x_m.push_back(position.x());
     cloud.y_m.push_back(position.y());
     cloud.z_m.push_back(position.z());
-    cloud.speed_mps.push_back(world.ice.velocity()[i].norm());
+    cloud.speed_mps.push_back(world.ice.velocity(i).norm());
     cloud.pressure_pa.push_back(-(stress[0][i] + stress[1][i] + stress[2][i]) / 3.0f);
     cloud.submerged.push_back(world.water.submerged(position.z()));
   }

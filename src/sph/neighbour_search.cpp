@@ -4,6 +4,8 @@
 #include <cassert>
 #include <cmath>
 
+#include <omp.h>
+
 namespace brash_ice_rig {
 namespace {
 
@@ -58,7 +60,7 @@ void NeighbourSearch::sortIntoCells(const std::vector<Eigen::Vector3d>& position
     }
     member_[cursor[bucket]++] = static_cast<std::int32_t>(i);
   }
-  if (rows_of_home_.size() < home_.size()) rows_of_home_.resize(home_.size());
+  thread_of_home_.resize(home_.size());
   row_offset_.resize(count);
   row_length_.resize(count);
 }
@@ -66,7 +68,7 @@ void NeighbourSearch::sortIntoCells(const std::vector<Eigen::Vector3d>& position
 /// All particles of a cell share their 27 cells: these are gathered once, in ascending order, and each row is a
 /// selection.
 void NeighbourSearch::findRowsOf(std::size_t home, const std::vector<Eigen::Vector3d>& position_m,
-                                 double radius_squared) {
+                                 double radius_squared, std::vector<std::int32_t>& found) {
   const Cell centre = cell_[home_[home]];
   std::vector<std::int32_t> around;
   for (std::int64_t dx = -1; dx <= 1; ++dx) {
@@ -89,8 +91,6 @@ void NeighbourSearch::findRowsOf(std::size_t home, const std::vector<Eigen::Vect
     y[k] = position.y();
     z[k] = position.z();
   }
-  std::vector<std::int32_t>& found = rows_of_home_[home];
-  found.clear();
   const std::size_t bucket = bucketOf(centre);
   for (std::size_t m = bucket_begin_[bucket]; m < bucket_begin_[bucket + 1]; ++m) {
     const auto i = static_cast<std::size_t>(member_[m]);
@@ -98,7 +98,7 @@ void NeighbourSearch::findRowsOf(std::size_t home, const std::vector<Eigen::Vect
     row_offset_[i] = found.size();
     found.resize(found.size() + around.size());
     std::int32_t* const row = found.data() + row_offset_[i];
-    const Eigen::Vector3d own = position_m[i];
+    const Eigen::Vector3d& own = position_m[i];
     std::size_t taken = 0;
     for (std::size_t k = 0; k < around.size(); ++k) {
       const double ox = x[k] - own.x(), oy = y[k] - own.y(), oz = z[k] - own.z();
@@ -115,9 +115,17 @@ void NeighbourSearch::find(const std::vector<Eigen::Vector3d>& position_m, doubl
   assert(radius_m > 0.0);
   const std::size_t count = position_m.size();
 #pragma omp single
-  sortIntoCells(position_m, radius_m);
+  {
+    sortIntoCells(position_m, radius_m);
+    rows_of_thread_.resize(static_cast<std::size_t>(omp_get_num_threads()));
+  }
+  const auto thread = static_cast<std::size_t>(omp_get_thread_num());
+  rows_of_thread_[thread].clear();
 #pragma omp for schedule(static)
-  for (std::size_t home = 0; home < home_.size(); ++home) findRowsOf(home, position_m, radius_m * radius_m);
+  for (std::size_t home = 0; home < home_.size(); ++home) {
+    thread_of_home_[home] = thread;
+    findRowsOf(home, position_m, radius_m * radius_m, rows_of_thread_[thread]);
+  }
 #pragma omp single
   {
     list.row_begin.assign(count + 1, 0);
@@ -126,7 +134,7 @@ void NeighbourSearch::find(const std::vector<Eigen::Vector3d>& position_m, doubl
   }
 #pragma omp for schedule(static)
   for (std::size_t i = 0; i < count; ++i) {
-    std::copy_n(rows_of_home_[home_of_[i]].data() + row_offset_[i], row_length_[i],
+    std::copy_n(rows_of_thread_[thread_of_home_[home_of_[i]]].data() + row_offset_[i], row_length_[i],
                 list.index.data() + list.row_begin[i]);
   }
 }

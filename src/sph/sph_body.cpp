@@ -74,6 +74,7 @@ SphBody::SphBody(const SphSettings& settings, const Material& material, const st
   listed_.assign(count, 0);
   due_.reserve(count);
   square_sums_.assign(count, 0.0f);
+  odd_growth_.assign(count, 0);
   smoothing_length_.assign(count, settings.smoothing_length_m);
   double farthest = settings.smoothing_length_m;
   for (const Eigen::Vector3d& position : position_m) farthest = std::max(farthest, position.cwiseAbs().maxCoeff());
@@ -249,10 +250,15 @@ void SphBody::refreshDueRows() {
 /// @return whether there was room for it among blocks_; its length is noted in any case
 bool SphBody::refreshRow(const SphSites& sites, std::size_t i, std::int32_t* scratch) {
   const std::size_t first = candidates_.row_begin[i], room = block_begin_[i + 1] - block_begin_[i];
-  double m[6];
-  block_count_[i] = kernels_.refresh(sites, i, candidates_.index.data() + first, candidates_.row_begin[i + 1] - first,
-                                     scratch, blocks_.data() + block_begin_[i], room, padded(gradient_sum_) + i, m);
+  double m[6], viscosity = 0.0;
+  block_count_[i] =
+      kernels_.refresh(sites, i, candidates_.index.data() + first, candidates_.row_begin[i + 1] - first, scratch,
+                       blocks_.data() + block_begin_[i], room, padded(gradient_sum_) + i, m, &viscosity);
   if (static_cast<std::size_t>(block_count_[i]) > room) return false;
+  // A pair goes without the larger share of its two particles, so that its forces stay antisymmetric.
+  const double viscous_rate = viscosity * static_cast<double>(cached_volume_[i]) / particleMass();
+  const double allowed = settings_.largest_viscous_rate_ps;
+  velocity_[i].w() = viscous_rate > allowed ? static_cast<float>(1.0 - allowed / viscous_rate) : 0.0f;
   // M is symmetric: its inverse is that of its cofactors over its determinant.
   const double xx = m[1] * m[2] - m[4] * m[4], yy = m[0] * m[2] - m[5] * m[5], zz = m[0] * m[1] - m[3] * m[3];
   const double xy = m[4] * m[5] - m[3] * m[2], yz = m[3] * m[5] - m[4] * m[0], zx = m[3] * m[4] - m[5] * m[1];
@@ -314,7 +320,7 @@ void SphBody::updateStress(double time_step_s) {
   // still in the cache from its first use; where another thread has neighbours, after all are known.
   const auto computeForce = [&](std::size_t run) { kernels_.force(rows, awake[run].begin, awake[run].end); };
   for (std::size_t run = share.begin; run < share.end; ++run) {
-    updateRun(rows, awake[run], static_cast<float>(time_step_s));
+    odd_growth_[run] = updateRun(rows, awake[run], static_cast<float>(time_step_s)) ? 0 : 1;
     active_.forRunsCompletedBy(run, [&](std::size_t completed) {
       if (share.holds(completed, awake[completed])) computeForce(completed);
     });
@@ -324,14 +330,16 @@ void SphBody::updateStress(double time_step_s) {
     if (!share.holds(run, awake[run])) computeForce(run);
   }
 #pragma omp for schedule(static) nowait
-  for (std::size_t run = 0; run < watched.size(); ++run) kernels_.force(rows, watched[run].begin, watched[run].end);
+  for (std::size_t run = 0; run < watched.size(); ++run)  // NOLINT(modernize-loop-convert): for OpenMP
+    kernels_.force(rows, watched[run].begin, watched[run].end);
 }
 
 ActiveSet::Share SphBody::ownShare() const {
   return active_.share(static_cast<std::size_t>(omp_get_thread_num()), static_cast<std::size_t>(omp_get_num_threads()));
 }
 
-void SphBody::updateRun(const SphRows& rows, const ActiveSet::Run& run, float time_step_s) {
+/// @return whether all volumes grow within bounds
+bool SphBody::updateRun(const SphRows& rows, const ActiveSet::Run& run, float time_step_s) {
   const std::size_t begin = run.begin, end = run.end;
   const auto rest_volume = static_cast<float>(settings_.particle_volume_m3);
   const auto limit = static_cast<float>(settings_.volume_ratio_limit);
@@ -346,12 +354,16 @@ void SphBody::updateRun(const SphRows& rows, const ActiveSet::Run& run, float ti
   for (auto& values : state_) batch.state.push_back(values.data() + begin);
   material_.update(batch);
   kernels_.correctStress(rows, begin, end);
+  // Here, where they are in the cache, and without a branch.
+  int beyond = 0;
+  for (std::size_t i = begin; i < end; ++i) beyond += growsWithinBounds(i) ? 0 : 1;
+  return beyond == 0;
 }
 
 void SphBody::updateActiveSet() {
   active_.endStep(position_, awake_axis_, awake_radius_, fallen_asleep_);
   for (const std::size_t i : fallen_asleep_) {
-    velocity_[i].setZero();
+    velocity_[i].head<3>().setZero();
     viscosity_[i].setZero();
   }
 }

@@ -19,7 +19,7 @@ constexpr float kSupportMargin = 1.0e-4f;
 #define BRASH_ICE_INDEPENDENT_ITERATIONS _Pragma("GCC ivdep")
 #endif
 
-typedef std::int32_t Int8 __attribute__((vector_size(32)));
+using Int8 __attribute__((vector_size(32))) = std::int32_t;
 
 BRASH_ICE_INLINE Float4 loadPadded(const Padded3& from) {
   return load<Float4>(from.component);
@@ -69,7 +69,7 @@ struct Gathered {
 BRASH_ICE_INLINE Gathered gatherRow(const SphRows& rows, std::size_t i) {
   const Padded3* const velocity = rows.velocity;
   const Float8 own_x = splat8(velocity[i].component[0]), own_y = splat8(velocity[i].component[1]),
-               own_z = splat8(velocity[i].component[2]);
+               own_z = splat8(velocity[i].component[2]), own_cut = splat8(velocity[i].component[3]);
   Float8 xx{}, xy{}, xz{}, yx{}, yy{}, yz{}, zx{}, zy{}, zz{}, fx{}, fy{}, fz{};
   const PairBlock* block = rows.blocks + rows.block_begin[i];
   const PairBlock* const end = block + rows.block_count[i];
@@ -88,7 +88,8 @@ BRASH_ICE_INLINE Gathered gatherRow(const SphRows& rows, std::size_t i) {
     zx += dz * gx;
     zy += dz * gy;
     zz += pz;
-    const Float8 push = (px + py + pz) * load<Float8>(block->q);
+    const Float8 cut = other.w > own_cut ? other.w : own_cut;
+    const Float8 push = (px + py + pz) * (load<Float8>(block->q) * (1.0f - cut));
     fx += push * gx;
     fy += push * gy;
     fz += push * gz;
@@ -313,12 +314,13 @@ BRASH_ICE_INLINE double total(const Float8& lanes) {
 }
 
 std::int32_t refresh(const SphSites& sites, std::size_t i, const std::int32_t* candidates, std::size_t count,
-                     std::int32_t* neighbour, PairBlock* row, std::size_t room, Padded3* sum, double* moment) {
+                     std::int32_t* neighbour, PairBlock* row, std::size_t room, Padded3* sum, double* moment,
+                     double* viscosity) {
   constexpr float kInversePi = 0.318309886183790672f;
   const std::size_t found = findNeighbours(sites, i, candidates, count, neighbour);
   const std::size_t blocks = (found + kPairs - 1) / kPairs;
   if (blocks > room) return static_cast<std::int32_t>(blocks);
-  Float8 sum_x{}, sum_y{}, sum_z{}, xx{}, yy{}, zz{}, xy{}, yz{}, zx{};
+  Float8 sum_x{}, sum_y{}, sum_z{}, xx{}, yy{}, zz{}, xy{}, yz{}, zx{}, braking{};
   for (std::size_t b = 0; b < blocks; ++b) {
     const std::int32_t* const eight = neighbour + b * kPairs;
     const Offset8 to = computeOffsets(sites, i, eight);
@@ -344,6 +346,7 @@ std::int32_t refresh(const SphSites& sites, std::size_t i, const std::int32_t* c
     xy -= to.x * gy;
     yz -= to.y * gz;
     zx -= to.z * gx;
+    braking += q * (gx * gx + gy * gy + gz * gz);
     store(row[b].gx, gx);
     store(row[b].gy, gy);
     store(row[b].gz, gz);
@@ -359,6 +362,7 @@ std::int32_t refresh(const SphSites& sites, std::size_t i, const std::int32_t* c
   moment[3] = total(xy);
   moment[4] = total(yz);
   moment[5] = total(zx);
+  *viscosity = total(braking);
   return static_cast<std::int32_t>(blocks);
 }
 

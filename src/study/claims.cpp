@@ -2,11 +2,10 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <charconv>
 #include <cstdio>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <sstream>
 #include <system_error>
 
@@ -36,7 +35,8 @@ std::vector<int> claimNumbers(const std::string& directory) {
   for (fs::directory_iterator entry(directory, error), end; !error && entry != end; entry.increment(error)) {
     const std::string name = entry->path().filename().string();
     if (name.rfind(kPrefix, 0) != 0) continue;
-    const int number = std::atoi(name.c_str() + std::string(kPrefix).size());
+    int number = 0;  // stays where what follows is none
+    std::from_chars(name.data() + std::string(kPrefix).size(), name.data() + name.size(), number);
     if (number > 0) numbers.push_back(number);
   }
   return numbers;
@@ -62,8 +62,7 @@ std::string kernelName() {
 
 /// When a process was started, in the kernel's ticks; empty if there is none of that id or it is only waited for.
 std::string startOf(const std::string& id) {
-  std::ifstream in("/proc/" + id + "/stat");
-  const std::string stat{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  const std::string stat = textOfFileIfThere("/proc/" + id + "/stat");
   // The second field is the program's name in brackets and may hold anything.
   const auto name_end = stat.rfind(')');
   if (name_end == std::string::npos) return "";
@@ -103,8 +102,7 @@ std::string Claims::text() const {
 }
 
 bool Claims::isDead(const std::string& path) {
-  std::ifstream in(path);
-  const std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  const std::string text = textOfFileIfThere(path);
   std::istringstream words(text);
   std::string name, kernel, id, start;
   double lease_s = 0.0;

@@ -2,13 +2,10 @@
 
 #include <yaml-cpp/yaml.h>
 
-#include <cerrno>
+#include <cinttypes>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <sstream>
-#include <system_error>
 
 #include "brash_ice_rig/config/config_error.h"
 #include "brash_ice_rig/config/scenario_reader.h"
@@ -19,22 +16,9 @@
 namespace brash_ice_rig {
 namespace {
 
-std::string readWhole(const std::string& path) {
-  errno = 0;
-  std::ifstream in(path, std::ios::binary);
-  if (!in) throw OutputError(path, std::generic_category().message(errno));
-  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-}
-
-/// The same, or empty text.
-std::string readIfThere(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-}
-
 /// Whether a scenario file gives the same run. The number of threads does not change results.
 bool isSameScenario(const std::string& path, const Scenario& scenario) {
-  if (readIfThere(path) == toYaml(scenario)) return true;
+  if (textOfFileIfThere(path) == toYaml(scenario)) return true;
   ScenarioSources sources;
   sources.file = path;
   try {
@@ -70,7 +54,7 @@ EarlierRun findEarlierRun(const std::string& directory, const Scenario& scenario
   if (!fs::exists(directory + "/scenario.yaml")) return {};
   if (!fs::exists(directory + "/summary.json")) return {State::kNone, "it did not get to its end"};
   if (!isSameScenario(directory + "/scenario.yaml", scenario)) return {State::kNone, "the scenario has changed"};
-  if (readIfThere(directory + "/program.txt") != stamp) return {State::kNone, "the program has changed"};
+  if (textOfFileIfThere(directory + "/program.txt") != stamp) return {State::kNone, "the program has changed"};
   for (const char* name : {"force.csv", "plug.csv"}) {
     if (!fs::exists(directory + "/" + name)) return {State::kNone, std::string(name) + " is missing"};
   }
@@ -104,16 +88,19 @@ std::uint64_t fnv1a(const std::string& bytes) {
   return hash;
 }
 
-std::string programStamp(const std::string& program) {
-  char text[80];
-  std::snprintf(text, sizeof text, "brash_ice %s, FNV-1a %016llx\n", kVersion,
-                static_cast<unsigned long long>(fnv1a(readWhole(program))));
+std::string hashText(const std::string& bytes) {
+  char text[17];
+  std::snprintf(text, sizeof text, "%016" PRIx64, fnv1a(bytes));
   return text;
+}
+
+std::string programStamp(const std::string& program) {
+  return std::string("brash_ice ") + kVersion + ", FNV-1a " + hashText(textOfFile(program)) + "\n";
 }
 
 Table readSummary(const std::string& directory) {
   const std::string path = directory + "/summary.json";
-  const std::string text = readWhole(path);
+  const std::string text = textOfFile(path);
   try {
     // JSON as RunSummary writes it is YAML, too.
     Table table;
@@ -134,7 +121,7 @@ std::string valueOf(const Table& table, const std::string& key) {
 }
 
 Table readLastPlug(const std::string& directory) {
-  std::istringstream stream(readWhole(directory + "/plug.csv"));
+  std::istringstream stream(textOfFile(directory + "/plug.csv"));
   std::string header, row, last;
   std::getline(stream, header);
   while (std::getline(stream, row)) last = row;
@@ -145,7 +132,7 @@ Table readLastPlug(const std::string& directory) {
 }
 
 std::string lastLogLine(const std::string& directory) {
-  std::istringstream stream(readIfThere(directory + "/log.txt"));
+  std::istringstream stream(textOfFileIfThere(directory + "/log.txt"));
   std::string last;
   for (std::string line; std::getline(stream, line);) {
     if (line.find_first_not_of(" \t\r") != std::string::npos) last = line;

@@ -7,8 +7,6 @@
 #include <csignal>
 #include <deque>
 #include <exception>
-#include <fstream>
-#include <iterator>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -233,10 +231,7 @@ class SharedJobs {
 
   std::string failurePath(std::size_t job) const { return jobs_[job].directory + "/failure.txt"; }
 
-  std::string failureIn(std::size_t job) const {
-    std::ifstream in(failurePath(job));
-    return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-  }
+  std::string failureIn(std::size_t job) const { return textOfFileIfThere(failurePath(job)); }
 
   void bookOwn(const Children::Result& result) {
     if (result.status.state == RunState::kFailed) {

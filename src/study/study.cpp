@@ -2,12 +2,9 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cinttypes>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <map>
 #include <optional>
 #include <thread>
@@ -139,14 +136,7 @@ int defaultChildren(const Study& study) {
 std::string workOf(const Study& study, const std::string& program) {
   std::string all = toYaml(study);
   for (const StudyRun& run : study.runs) all += toYaml(run.scenario);
-  char hash[20];
-  std::snprintf(hash, sizeof hash, "%016" PRIx64, fnv1a(all));
-  return "study " + std::string(hash) + ", " + programStamp(program);
-}
-
-std::string textOf(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  return "study " + hashText(all) + ", " + programStamp(program);
 }
 
 /// Writes results.csv and the report, or leaves that to another process that shares the study.
@@ -157,11 +147,11 @@ bool finish(const StudyOptions& options, bool shared, const Study& study, const 
   // Should whoever is at it die before the table stands, the next one begins.
   Claims claims(options.lease_s);
   while (claims.claim(directory) == Claims::Answer::kBusy) {
-    if (shared && textOf(path) == table) return true;
+    if (shared && textOfFileIfThere(path) == table) return true;
     if (options.stop && options.stop()) return false;
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
   }
-  if (shared && textOf(path) == table) return true;
+  if (shared && textOfFileIfThere(path) == table) return true;
   replaceFile(path, table);
   std::printf("%s/study.yaml\n%s\n", directory.c_str(), path.c_str());
   std::fflush(stdout);

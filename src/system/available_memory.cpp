@@ -40,6 +40,7 @@ double leftInGroup(const std::string& directory, const char* limit, const char* 
 
 /// The least that is left in the groups of this process, each of which has its parents' limits, too.
 double leftInGroups(const std::string& root) {
+  const std::string groups = root + "/sys/fs/cgroup", memory_groups = groups + "/memory";
   double left = kInfinity;
   std::ifstream in(root + "/proc/self/cgroup");
   for (std::string line; std::getline(in, line);) {
@@ -51,10 +52,9 @@ double leftInGroups(const std::string& root) {
     if (!unified && controllers.find(",memory,") == std::string::npos) continue;
     for (std::string path = line.substr(second + 1);; path.erase(path.rfind('/'))) {
       if (path == "/") path.clear();
-      left = std::min(
-          left, unified ? leftInGroup(root + "/sys/fs/cgroup" + path, "/memory.max", "/memory.current", "inactive_file")
-                        : leftInGroup(root + "/sys/fs/cgroup/memory" + path, "/memory.limit_in_bytes",
-                                      "/memory.usage_in_bytes", "total_inactive_file"));
+      left = std::min(left, unified ? leftInGroup(groups + path, "/memory.max", "/memory.current", "inactive_file")
+                                    : leftInGroup(memory_groups + path, "/memory.limit_in_bytes",
+                                                  "/memory.usage_in_bytes", "total_inactive_file"));
       if (path.find('/') == std::string::npos) break;
     }
   }

@@ -1,5 +1,8 @@
 #include "brash_ice_rig/config/scenario_reader.h"
 
+#include <sys/stat.h>
+#include <unistd.h>
+
 #include <cmath>
 #include <locale>
 #include <map>
@@ -255,6 +258,18 @@ TEST(ScenarioReader, UnreadableFileIsRefused) {
   EXPECT_EQ(refusal({pullUp(), {"no/such/overlay.yaml"}, {}}),
             "no/such/overlay.yaml: file cannot be read: No such file or directory");
   EXPECT_EQ(refusal({::testing::TempDir(), {}, {}}), ::testing::TempDir() + ": is a directory, not a file");
+}
+
+TEST(ScenarioReader, FileThatWouldKeepItsReaderWaitingIsRefused) {
+  const std::string pipe = ::testing::TempDir() + "scenario_reader_pipe";
+  unlink(pipe.c_str());
+  ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+  EXPECT_EQ(refusal({pipe, {}, {}}), pipe + ": is not a regular file");
+  EXPECT_EQ(refusal({pullUp(), {pipe}, {}}), pipe + ": is not a regular file");
+  EXPECT_EQ(refusal({"/dev/zero", {}, {}}), "/dev/zero: is not a regular file");
+  // A regular file to the system, in which the reader waits for the kernel's next message, if it may read it at all.
+  EXPECT_NE(refusal({"/proc/kmsg", {}, {}}), "");
+  unlink(pipe.c_str());
 }
 
 TEST(ScenarioReader, EmptyFileIsRefused) {

@@ -33,7 +33,7 @@ inline std::string sealed(std::string file) {
               "BRIC\r\n\x1a",
               8);
   setValueAt(file, 8, std::uint32_t{0x01020304});
-  setValueAt(file, 12, std::uint32_t{1});
+  setValueAt(file, 12, std::uint32_t{2});
   setValueAt(file, 16, std::uint64_t{file.size() + kCheckpointTail});
   Hash hash;
   hash.add(file.data(), file.size());

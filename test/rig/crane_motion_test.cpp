@@ -1,5 +1,7 @@
 #include "brash_ice_rig/rig/crane_motion.h"
 
+#include <sys/stat.h>
+
 #include <fstream>
 
 #include <gtest/gtest.h>
@@ -47,6 +49,14 @@ TEST(CraneMotion, FileThatIsNoMotionIsRefusedWithItsLine) {
   EXPECT_NE(refusal(written(directory, "time_s,hoist_position_m\n-1,1\n1,1\n")).find("negative"), std::string::npos);
   EXPECT_NE(refusal(written(directory, "time_s,hoist_position_m\n0,1\n1,1\n1,2\n")).find("increase"),
             std::string::npos);
+}
+
+TEST(CraneMotion, FileThatWouldKeepItsReaderWaitingIsRefused) {
+  const TemporaryDirectory directory;
+  const std::string pipe = directory.path() + "/pipe.csv";
+  ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+  EXPECT_NE(refusal(pipe).find("is not a regular file"), std::string::npos) << refusal(pipe);
+  EXPECT_NE(refusal("/proc/kmsg"), "taken");
 }
 
 Scenario smallTest(const std::string& motion_file) {

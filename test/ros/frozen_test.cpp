@@ -6,7 +6,7 @@
 namespace brash_ice_rig {
 namespace {
 
-// The viscosity of frozen_test.test is far beyond what its time step can follow, and the guards are off: it overflows.
+// The contact of frozen_test.test is far too stiff for its time step: it throws ice out of all bounds.
 TEST(FrozenWorld, NodeLivesOnAndNamesTheRemedy) {
   Listener<SimStatus> status("sim/status");
   ASSERT_TRUE(status.waitForNew([](const SimStatus& s) { return s.frozen; }, 30.0));

@@ -56,7 +56,7 @@ struct World {
 
   void step(bool moves = true) {
     const auto external = [this](std::size_t i) -> Eigen::Vector4f {
-      return water->force(static_cast<float>(ice->position()[i].z()), ice->velocity()[i]) + contact->force(i);
+      return water->force(static_cast<float>(ice->position()[i].z()), ice->velocity(i)) + contact->force(i);
     };
     ice->updateGradients();
     audit->beginStep();

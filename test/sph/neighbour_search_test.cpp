@@ -1,5 +1,8 @@
 #include "brash_ice_rig/sph/neighbour_search.h"
 
+#include <malloc.h>
+
+#include <algorithm>
 #include <random>
 
 #include <gtest/gtest.h>
@@ -57,6 +60,33 @@ TEST(NeighbourSearch, CubicLatticeHas56NeighboursWithin2Point4Spacings) {
   const std::size_t centre = (3 * 7 + 3) * 7 + 3;
   EXPECT_EQ(list.row_begin[centre + 1] - list.row_begin[centre], 56u);
 }
+
+#if __GLIBC_PREREQ(2, 33)
+/// Taken from the heap, bytes; 0 under sanitizers, which have a heap of their own.
+std::size_t heapInUse() {
+  const struct mallinfo2 info = mallinfo2();
+  return info.uordblks + info.hblkhd;
+}
+
+TEST(NeighbourSearch, KeepsNoRoomForCrowdsThatHaveMovedOn) {
+  constexpr int kSide = 20;
+  std::vector<Eigen::Vector3d> points;
+  for (int x = 0; x < kSide; ++x)
+    for (int y = 0; y < kSide; ++y) points.emplace_back(x + 0.5, y + 0.5, 0.5);
+  const std::size_t lattice = points.size();
+  points.resize(lattice + 150);
+  NeighbourSearch search;
+  NeighbourList list;
+  std::size_t at_first = 0;
+  for (std::size_t cell = 0; cell < lattice; ++cell) {
+    std::fill(points.begin() + static_cast<std::ptrdiff_t>(lattice), points.end(), points[cell]);
+    search.find(points, 1.0, list);
+    if (cell == 0) at_first = heapInUse();
+  }
+  EXPECT_LT(static_cast<double>(heapInUse()) - static_cast<double>(at_first), 1.0e6)
+      << "an array per cell would have grown by 35 MB";
+}
+#endif
 
 TEST(NeighbourSearch, FindsTheSameAgainAndWithAnyNumberOfThreads) {
   NeighbourSearch search;

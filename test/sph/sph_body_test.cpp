@@ -54,19 +54,23 @@ struct Body {
   }
   Eigen::Vector3d momentum() const {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (const auto& v : sph.velocity()) sum += sph.particleMass() * v.head<3>().cast<double>();
+    for (std::size_t i = 0; i < sph.size(); ++i) {
+      sum += sph.particleMass() * sph.velocity(i).head<3>().cast<double>();
+    }
     return sum;
   }
   Eigen::Vector3d angularMomentum() const {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     for (std::size_t i = 0; i < sph.size(); ++i) {
-      sum += sph.particleMass() * sph.position()[i].cross(sph.velocity()[i].head<3>().cast<double>());
+      sum += sph.particleMass() * sph.position()[i].cross(sph.velocity(i).head<3>().cast<double>());
     }
     return sum;
   }
   double kineticEnergy() const {
     double sum = 0.0;
-    for (const auto& v : sph.velocity()) sum += 0.5 * sph.particleMass() * static_cast<double>(v.squaredNorm());
+    for (std::size_t i = 0; i < sph.size(); ++i) {
+      sum += 0.5 * sph.particleMass() * static_cast<double>(sph.velocity(i).squaredNorm());
+    }
     return sum;
   }
 
@@ -312,7 +316,7 @@ TEST(SphForce, IsTheVirtualWorkAdjointOfTheVelocityGradient) {
   setRandomVelocities(body, 1.0, 4);
   double force_power = 0.0, stress_power = 0.0, scale = 0.0;
   for (std::size_t i = 0; i < body.sph.size(); ++i) {
-    const double power = static_cast<double>(body.sph.internalForce(i).head<3>().dot(body.sph.velocity()[i].head<3>()));
+    const double power = static_cast<double>(body.sph.internalForce(i).head<3>().dot(body.sph.velocity(i).head<3>()));
     force_power += power;
     scale += std::abs(power);
     const auto& s = body.sph.stress();
@@ -356,7 +360,7 @@ std::vector<Eigen::Vector3d> plainForces(const Body& body, const SphSettings& s)
       if (j == i) continue;
       const Eigen::Vector3d grad = gradient(i, j), offset = x[i] - x[j];
       force[i] += volume(i) * volume(j) * (stress_correction[i] + stress_correction[j]) * grad;
-      const Eigen::Vector3d approach = (body.sph.velocity()[i] - body.sph.velocity()[j]).head<3>().cast<double>();
+      const Eigen::Vector3d approach = (body.sph.velocity(i) - body.sph.velocity(j)).head<3>().cast<double>();
       const double h = smoothing(i, j);
       const double mu = h * approach.dot(offset) / (offset.squaredNorm() + 0.01 * h * h);
       const double pi = -s.viscosity_ratio * s.viscosity_speed_mps * mu / s.density_kgpm3;
@@ -411,9 +415,96 @@ TEST(SphViscosity, TakesEnergyOutAndNeverPutsItIn) {
   body.sph.updateStress(1e-12);  // no strain to speak of: only viscosity acts
   double power = 0.0;
   for (std::size_t i = 0; i < body.sph.size(); ++i) {
-    power += static_cast<double>(body.sph.internalForce(i).head<3>().dot(body.sph.velocity()[i].head<3>()));
+    power += static_cast<double>(body.sph.internalForce(i).head<3>().dot(body.sph.velocity(i).head<3>()));
   }
   EXPECT_LT(power, 0.0);
+}
+
+/// As many particles in a place as a net pushes together, almost without stiffness.
+struct Crowd {
+  explicit Crowd(double largest_viscous_rate_ps)
+      : material(1.0, 1.0), sph(settingsWith(largest_viscous_rate_ps), material, points(), std::vector<bool>(64, false)) {
+    std::mt19937 generator(31);
+    std::uniform_real_distribution<double> along(-1.0e-3, 1.0e-3);
+    for (std::size_t i = 0; i < sph.size(); ++i) {
+      sph.setVelocity(i, {along(generator), along(generator), along(generator)});
+    }
+  }
+  static SphSettings settingsWith(double largest_viscous_rate_ps) {
+    SphSettings s = settings();
+    s.largest_viscous_rate_ps = largest_viscous_rate_ps;
+    return s;
+  }
+  static std::vector<Eigen::Vector3d> points() {
+    std::vector<Eigen::Vector3d> all = block(4, 4, 4, 0.3);
+    for (Eigen::Vector3d& point : all) point *= 0.4;
+    return all;
+  }
+  void run(double dt, int steps) {
+    for (int k = 0; k < steps; ++k) {
+      sph.updateGradients();
+      sph.updateStress(dt);
+      sph.updateMotion(dt, 0.0, [](std::size_t) { return Eigen::Vector4f(Eigen::Vector4f::Zero()); });
+    }
+  }
+  double kineticEnergy() const {
+    double sum = 0.0;
+    for (std::size_t i = 0; i < sph.size(); ++i) {
+      sum += 0.5 * sph.particleMass() * static_cast<double>(sph.velocity(i).squaredNorm());
+    }
+    return sum;
+  }
+  Eigen::Vector3d momentum() const {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (std::size_t i = 0; i < sph.size(); ++i) {
+      sum += sph.particleMass() * sph.velocity(i).head<3>().cast<double>();
+    }
+    return sum;
+  }
+  /// max_i V sum_j V rho alpha c h |grad W| r / ((r² + 0.01 h²) m), 1/s.
+  static double viscousRate() {
+    const SphSettings s = settings();
+    const double h = s.smoothing_length_m;
+    double largest = 0.0;
+    for (const Eigen::Vector3d& own : points()) {
+      double sum = 0.0;
+      for (const Eigen::Vector3d& other : points()) {
+        const double r = (other - own).norm();
+        if (r == 0.0) continue;
+        sum -= h * r * CubicSpline{h}.derivative(r) / (r * r + 0.01 * h * h);
+      }
+      largest = std::max(largest, s.viscosity_ratio * s.viscosity_speed_mps * s.particle_volume_m3 * sum);
+    }
+    return largest;
+  }
+
+  ElasticMaterial material;
+  SphBody sph;
+};
+
+TEST(SphViscosity, IsBoundedWhereParticlesCrowdSoThatTheStepStaysStable) {
+  const double dt = 12.0 / Crowd::viscousRate();
+  Crowd free(std::numeric_limits<double>::infinity()), bounded(1.0 / dt);
+  const double at_first = bounded.kineticEnergy();
+  const Eigen::Vector3d momentum = bounded.momentum();
+  free.run(dt, 20);
+  bounded.run(dt, 20);
+  EXPECT_GT(free.kineticEnergy(), 100.0 * at_first) << "the explicit step of an unbounded viscosity overshoots here";
+  EXPECT_LT(bounded.kineticEnergy(), 0.5 * at_first);
+  EXPECT_LT((bounded.momentum() - momentum).norm(), 1e-6 * bounded.sph.particleMass());
+}
+
+TEST(SphViscosity, BoundChangesNothingBelowIt) {
+  const double rate = Crowd::viscousRate();
+  const double dt = 0.1 / rate;
+  Crowd free(std::numeric_limits<double>::infinity()), above(1.01 * rate), below(0.99 * rate);
+  for (Crowd* crowd : {&free, &above, &below}) crowd->run(dt, 1);
+  bool changed = false;
+  for (std::size_t i = 0; i < free.sph.size(); ++i) {
+    EXPECT_EQ(free.sph.velocity(i), above.sph.velocity(i));
+    changed = changed || free.sph.velocity(i) != below.sph.velocity(i);
+  }
+  EXPECT_TRUE(changed) << "just below the largest rate one particle goes without a share";
 }
 
 TEST(SphStress, UniformStrainGivesHookesStressEverywhere) {
@@ -551,7 +642,7 @@ TEST(SphBody, SumOfSquaredSpeedsIsThatOfTheParticles) {
   for (std::size_t i = 0; i < body.sph.size(); ++i) body.sph.setVelocity(i, {0.0, 0.01 * static_cast<double>(i), 0.0});
   body.step(1e-6);
   double sum = 0.0;
-  for (const Eigen::Vector4f& velocity : body.sph.velocity()) sum += static_cast<double>(velocity.squaredNorm());
+  for (std::size_t i = 0; i < body.sph.size(); ++i) sum += static_cast<double>(body.sph.velocity(i).squaredNorm());
   EXPECT_NEAR(body.sph.speedSquaredSum(), sum, 1e-5 * sum);
   EXPECT_GT(sum, 1.0);
 }

@@ -114,7 +114,8 @@ TEST_F(RunPoolTest, ARunThatFailsOrCrashesSaysWhyAndDoesNotStopTheOthers) {
   for (int i = 0; i < 5; ++i) EXPECT_EQ(statuses[i].state, RunState::kFailed) << i;
   EXPECT_EQ(statuses[0].note, "exit code 1, last line of its log: disk is full");
   EXPECT_EQ(statuses[1].note, "ended by signal 11 (Segmentation fault), last line of its log: at 3 s");
-  EXPECT_NE(statuses[2].note.find("summary.json: No such file"), std::string::npos) << statuses[2].note;
+  EXPECT_NE(statuses[2].note.find("summary.json: file cannot be read: No such file"), std::string::npos)
+      << statuses[2].note;
   EXPECT_EQ(statuses[3].note, "non_finite: remedy");
   EXPECT_NE(statuses[4].note.find("Not a directory"), std::string::npos) << statuses[4].note;
   EXPECT_EQ(statuses[5].state, RunState::kDone) << statuses[5].note;

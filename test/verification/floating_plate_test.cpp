@@ -116,7 +116,7 @@ Deflection measureDeflection(int layers, double length_m) {
   const auto per_particle = static_cast<float>(kLoad * dx * dx / (kPatch * layers));
   float load = 0.0f;
   const auto external = [&](std::size_t i) -> Eigen::Vector4f {
-    Eigen::Vector4f force = water.force(static_cast<float>(body.sph.position()[i].z()), body.sph.velocity()[i]);
+    Eigen::Vector4f force = water.force(static_cast<float>(body.sph.position()[i].z()), body.sph.velocity(i));
     if (std::abs(points[i].x()) < 0.5 * kPatch) force.z() -= load;
     return force;
   };

@@ -80,7 +80,7 @@ class GuidedBody {
     const auto drag = static_cast<float>(damping_per_s * sph.particleMass());
     for (std::size_t i = 0; i < sph.size(); ++i) {
       if (sph.isFixed(i) || driven_[group_[i]] != 0) continue;
-      mean_[group_[i]] += sph.internalForce(i) + external(i) - drag * sph.velocity()[i];
+      mean_[group_[i]] += sph.internalForce(i) + external(i) - drag * sph.velocity(i);
     }
     for (std::size_t g = 0; g < mean_.size(); ++g) mean_[g] = mean_[g].cwiseProduct(free_) / members_[g];
     for (std::size_t i = 0; i < sph.size(); ++i) wanted_[i] = mean_[group_[i]];

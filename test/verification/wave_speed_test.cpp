@@ -97,7 +97,7 @@ double measurePulseSpeed(const Bar& bar, double& time_step_s) {
     double mean[2] = {0.0, 0.0};
     for (std::size_t i = 0; i < points.size(); ++i) {
       for (int k = 0; k < 2; ++k) {
-        if (slice[i] == at[k]) mean[k] += static_cast<double>(body.sph.velocity()[i].x()) / across;
+        if (slice[i] == at[k]) mean[k] += static_cast<double>(body.sph.velocity(i).x()) / across;
       }
     }
     for (int k = 0; k < 2; ++k) record[k].push_back(mean[k]);

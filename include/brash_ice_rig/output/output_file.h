@@ -7,7 +7,7 @@
 
 namespace brash_ice_rig {
 
-/// A file or directory could not be written. what() reads `path: reason`.
+/// A file or directory could not be written, or one of our own not be read back. what() reads `path: reason`.
 class OutputError : public std::runtime_error {
  public:
   OutputError(const std::string& path, const std::string& reason);
@@ -23,6 +23,12 @@ void makeDirectory(const std::string& path);
 
 /// Replaces a file as a whole: it is the old one or the new one at every moment. @throws OutputError
 void replaceFile(const std::string& path, const std::string& text);
+
+/// All of a file. @throws OutputError
+std::string textOfFile(const std::string& path);
+
+/// The same; empty where there is none or it cannot be read.
+std::string textOfFileIfThere(const std::string& path);
 
 /// Removes a file; one that is not there is fine. @throws OutputError
 void removeFile(const std::string& path);

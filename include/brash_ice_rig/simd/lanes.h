@@ -16,8 +16,8 @@
 namespace brash_ice_rig {
 namespace {
 
-typedef float Float4 __attribute__((vector_size(16)));
-typedef float Float8 __attribute__((vector_size(32)));
+using Float4 __attribute__((vector_size(16))) = float;
+using Float8 __attribute__((vector_size(32))) = float;
 
 /// A vector from memory of any alignment.
 template <class Vector, class T>

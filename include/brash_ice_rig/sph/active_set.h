@@ -76,7 +76,8 @@ class ActiveSet {
   /// Notes whether the force on a watched particle, N, wakes it.
   void sampleForce(std::size_t i, const Eigen::Vector4f& force) {
     // Written so that what is not a number wakes it.
-    pushed_[i] = fixed_[i] == 0 && !(force.head<3>().squaredNorm() <= largest_force_ * largest_force_);
+    const bool wakes = fixed_[i] == 0 && !(force.head<3>().squaredNorm() <= largest_force_ * largest_force_);
+    pushed_[i] = wakes ? 1 : 0;
   }
 
   /// Wakes the group of a particle, from the end of the next step on.

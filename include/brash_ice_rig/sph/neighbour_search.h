@@ -29,16 +29,19 @@ class NeighbourSearch {
   static Cell cellOf(const Eigen::Vector3d& position, double cell_size);
   std::size_t bucketOf(const Cell& cell) const;
   void sortIntoCells(const std::vector<Eigen::Vector3d>& position_m, double cell_size);
-  void findRowsOf(std::size_t home, const std::vector<Eigen::Vector3d>& position_m, double radius_squared);
+  void findRowsOf(std::size_t home, const std::vector<Eigen::Vector3d>& position_m, double radius_squared,
+                  std::vector<std::int32_t>& found);
 
   std::size_t mask_ = 0;  ///< number of buckets less one
   std::vector<Cell> cell_;
   std::vector<std::size_t> bucket_begin_;
   std::vector<std::int32_t> member_;  ///< particles by bucket
   std::vector<std::size_t> home_;     ///< the first particle of each cell
-  /// The rows of a cell's particles one after the other; per particle which cell, where in it, and how long.
-  std::vector<std::vector<std::int32_t>> rows_of_home_;
-  std::vector<std::size_t> home_of_, row_offset_, row_length_;
+  /// The rows that a thread has found, one after the other. Not one array per cell: each would keep the room that the
+  /// fullest cell of all once took under its number.
+  std::vector<std::vector<std::int32_t>> rows_of_thread_;
+  std::vector<std::size_t> thread_of_home_;
+  std::vector<std::size_t> home_of_, row_offset_, row_length_;  ///< per particle: cell, where its row is, how long
 };
 
 }  // namespace brash_ice_rig

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -28,6 +29,8 @@ struct SphSettings {
   double smoothing_length_m = 0.0;    ///< h, of all particles or at rest
   double viscosity_ratio = 0.1;       ///< alpha of the Monaghan viscosity
   double viscosity_speed_mps = 58.0;  ///< c in the viscosity; fixed, see doc/theory.md
+  /// No particle's neighbours, held still, would brake it faster than this, 1/s: what goes beyond is left out.
+  double largest_viscous_rate_ps = std::numeric_limits<double>::infinity();
   double volume_ratio_limit = 1.5;    ///< V / V_0 stays within 1/this .. this
   double determinant_limit = 0.1;     ///< below: no gradient correction
   double skin_m = 0.12;               ///< margin of the neighbour search
@@ -101,16 +104,16 @@ class SphBody {
     const ActiveSet::Share share = ownShare();
     for (std::size_t run = share.begin; run < share.end; ++run) {
       float square_sum = 0.0f;
+      const bool odd = odd_growth_[run] != 0;
       for (std::size_t i = active_.awake()[run].begin; i < active_.awake()[run].end; ++i) {
         if (sampling) active_.sampleStress(i, stress_);
         if (fixed_[i]) continue;
         const float push = inertia_ratio_.empty() ? dt_over_mass : dt_over_mass / inertia_ratio_[i];
         const Eigen::Vector4f velocity = velocity_[i] * decay + push * (force_[i] + external(i));
         const float speed_squared = velocity.head<3>().squaredNorm();
-        const float growth = strain_increment_[0][i] + strain_increment_[1][i] + strain_increment_[2][i];
         // Written so that NaN is caught, too.
-        if (!(speed_squared < bound_squared && std::abs(growth) < kLargestVolumeGrowth)) {
-          if (!breakdown) breakdown = Breakdown{i, std::sqrt(static_cast<double>(speed_squared)), growth};
+        if (!(speed_squared < bound_squared) || (odd && !growsWithinBounds(i))) {
+          if (!breakdown) breakdown = Breakdown{i, std::sqrt(static_cast<double>(speed_squared)), volumeGrowth(i)};
           continue;
         }
         fastest_squared = std::max(fastest_squared, speed_squared);
@@ -121,7 +124,7 @@ class SphBody {
       square_sums_[run] = square_sum;
     }
 #pragma omp for schedule(static) nowait
-    for (std::size_t run = 0; run < active_.watched().size(); ++run) {
+    for (std::size_t run = 0; run < active_.watched().size(); ++run) {  // NOLINT(modernize-loop-convert): for OpenMP
       for (std::size_t i = active_.watched()[run].begin; i < active_.watched()[run].end; ++i) {
         active_.sampleForce(i, force_[i] + external(i));
       }
@@ -192,8 +195,9 @@ class SphBody {
   const std::vector<Eigen::Vector3d>& position() const {
     return position_;
   }
-  const AlignedVector<Eigen::Vector4f>& velocity() const {
-    return velocity_;
+  /// m/s, w = 0.
+  Eigen::Vector4f velocity(std::size_t i) const {
+    return {velocity_[i].x(), velocity_[i].y(), velocity_[i].z(), 0.0f};
   }
   /// In the order of material.h, Pa, tension positive.
   const std::array<std::vector<float>, kComponents>& stress() const {
@@ -239,6 +243,14 @@ class SphBody {
   void visitState(StateVisitor& visitor);
 
  private:
+  /// Change of a particle's volume in this step, ratio.
+  float volumeGrowth(std::size_t i) const {
+    return strain_increment_[0][i] + strain_increment_[1][i] + strain_increment_[2][i];
+  }
+  /// Not where it is NaN.
+  bool growsWithinBounds(std::size_t i) const {
+    return std::abs(volumeGrowth(i)) < kLargestVolumeGrowth;
+  }
   ActiveSet::Share ownShare() const;
   SphRows rows();
   void checkMoves();
@@ -257,7 +269,7 @@ class SphBody {
   }
   void setSite(std::size_t i);
   bool refreshRow(const SphSites& sites, std::size_t i, std::int32_t* scratch);
-  void updateRun(const SphRows& rows, const ActiveSet::Run& run, float time_step_s);
+  bool updateRun(const SphRows& rows, const ActiveSet::Run& run, float time_step_s);
   void updateActiveSet();
   void checkLoaded(const StateVisitor& visitor) const;
   std::uint64_t hashOfRows() const;
@@ -268,7 +280,8 @@ class SphBody {
   const SphKernels& kernels_;
 
   std::vector<Eigen::Vector3d> position_;
-  AlignedVector<Eigen::Vector4f> velocity_;  ///< w = 0
+  /// m/s; w is a cached share of the viscosity, see refreshRow(), and stands here because kernels read both at once.
+  AlignedVector<Eigen::Vector4f> velocity_;
   std::array<std::vector<float>, kComponents> stress_;
   std::vector<std::vector<float>> state_;
   std::vector<float> volume_;
@@ -317,6 +330,7 @@ class SphBody {
 
   float fastest_squared_ = 0.0f;
   std::optional<Breakdown> breakdown_;
+  std::vector<char> odd_growth_;    ///< per run of those that are awake: a volume has changed by too much
   std::vector<float> square_sums_;  ///< of the speeds in each run of those that are awake; who sleeps does not move
   double speed_squared_sum_ = 0.0;
 };

@@ -22,7 +22,7 @@ struct alignas(64) CorrectedStress {
   float column[4][4];
 };
 
-/// Vector of x, y, z and a fourth component that is 0.
+/// Vector of x, y, z and a fourth component that is 0, unless something else is said.
 struct alignas(16) Padded3 {
   float component[4];
 };
@@ -46,7 +46,7 @@ struct SphRows {
   const PairBlock* blocks;  ///< of row i: blocks[block_begin[i]] .. block_count[i] of them
   const std::size_t* block_begin;
   const std::int32_t* block_count;
-  const Padded3* velocity;      ///< m/s
+  const Padded3* velocity;      ///< m/s; the fourth: share of its viscosity that a particle goes without
   const float* correction[9];   ///< B_i, row by row
   const Padded3* gradient_sum;  ///< sum_j V_j grad W_ij, 1/m
   const float* cached_volume;   ///< m³
@@ -85,9 +85,12 @@ struct SphKernels {
   /// @param room       of `row`, blocks; what needs more is not computed
   /// @param sum        out: sum of the gradients, 1/m
   /// @param moment     out: M_i, ratio, xx, yy, zz, xy, yz, zx
+  /// @param viscosity  out: sum_j Q_ij |V_j grad W_ij|², N s/m⁴: viscous force over V_i and velocity, were all of i's
+  ///   neighbours held and each in the direction of its motion
   /// @return number of blocks that the row needs
   std::int32_t (*refresh)(const SphSites& sites, std::size_t i, const std::int32_t* candidates, std::size_t count,
-                          std::int32_t* neighbour, PairBlock* row, std::size_t room, Padded3* sum, double* moment);
+                          std::int32_t* neighbour, PairBlock* row, std::size_t room, Padded3* sum, double* moment,
+                          double* viscosity);
 };
 
 /// @param set  one of availableInstructionSets()

@@ -44,6 +44,9 @@ std::string programStamp(const std::string& program);
 /// 64-bit FNV-1a hash (Fowler, Noll, Vo; RFC 9923) of a text's bytes.
 std::uint64_t fnv1a(const std::string& bytes);
 
+/// The same as 16 hexadecimal digits.
+std::string hashText(const std::string& bytes);
+
 /// summary.json, numbers as they are written there and null as empty text.
 /// @throws OutputError if it is not there or not whole
 Table readSummary(const std::string& directory);

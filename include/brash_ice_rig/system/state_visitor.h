@@ -43,8 +43,8 @@ class StateVisitor {
   template <class Number, int Rows, int Columns>
   void operator()(const char* name, Eigen::Matrix<Number, Rows, Columns>& value) {
     static_assert(Rows > 0 && Columns > 0, "of fixed size only");
-    begin(name, Rows * Columns, sizeof(Number), Length::kFixed);
-    bytes(value.data(), sizeof(Number) * Rows * Columns);
+    begin(name, static_cast<std::size_t>(value.size()), sizeof(Number), Length::kFixed);
+    bytes(value.data(), sizeof(Number) * static_cast<std::size_t>(value.size()));
   }
 
   void operator()(const char* name, std::string& text) {

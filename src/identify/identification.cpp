@@ -390,7 +390,7 @@ Eigen::MatrixXd Chain::lateralDiscrepancy(const Site& site) const {
 /// The first record's lateral channels, turned to where most of the force is and across. A quarter of the bins: the
 /// pole moves slowly, and each row costs.
 void Chain::addLateralSites() {
-  const Site& vertical = sites_.front();
+  const Site vertical = sites_.front();  // a copy: sites_ grows
   const Observation& all = vertical.observation();
   if (all.lateral_n.rows() == 0 || !all.ice_contact) return;
   Eigen::Matrix2d sum = Eigen::Matrix2d::Zero();

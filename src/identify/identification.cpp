@@ -661,7 +661,7 @@ void Chain::locate(const Model& start, const std::string& what) {
     constexpr double kGridS = 0.5;
     std::vector<double> times;
     const double end = site.observation().time_s[site.rows() - 1];
-    for (double time = 1.0; time < end - 1.0; time += kGridS) times.push_back(time);
+    for (int k = 0; 1.0 + k * kGridS < end - 1.0; ++k) times.push_back(1.0 + k * kGridS);
     const auto columns = [&](double time) -> Eigen::MatrixXd { return fallTemplate(time, site.observation().time_s); };
     if (findPlaces(start, times, makeFalls({0.0}).amplitudes[0], columns, places, log_odds) > 0.0) {
       std::sort(places.begin(), places.end());
@@ -671,7 +671,9 @@ void Chain::locate(const Model& start, const std::string& what) {
   if (!isOn("vessel_heave")) {
     constexpr double kShortestS = 3.0, kLongestS = 14.0, kRatio = 1.06, kStepsPerS = 20.0;
     std::vector<double> periods;
-    for (double period = kShortestS; period < kLongestS; period *= kRatio) {
+    for (int k = 0;; ++k) {
+      const double period = kShortestS * std::pow(kRatio, k);
+      if (period >= kLongestS) break;
       periods.push_back(std::round(period * kStepsPerS) / kStepsPerS);
     }
     const auto columns = [&](double period) { return swellTemplate(period, site.observation(), site.mean_n); };
@@ -853,7 +855,9 @@ double bestDelay(const Site& site, const std::vector<SimulatedForce>& forces) {
   const Eigen::VectorXd& record = site.observation().force_n;
   const double scale = 0.05 * record.cwiseAbs().maxCoeff();
   double best_delay = 0.0, best_cost = std::numeric_limits<double>::infinity();
-  for (double delay = -kMostS; delay <= kMostS; delay += 0.05) {
+  constexpr int kSteps = 30;
+  for (int step = -kSteps; step <= kSteps; ++step) {
+    const double delay = kMostS * step / kSteps;
     Eigen::VectorXd mean = Eigen::VectorXd::Zero(site.rows());
     for (const SimulatedForce& force : forces) mean += site.bins(force, delay) / static_cast<double>(forces.size());
     const double cost = (record - mean).squaredNorm() / (scale * scale) * 0.1 + delay * delay / (kSigmaS * kSigmaS);

@@ -124,7 +124,16 @@ void describe(Identification& result, const Thresholds& thresholds) {
                      ". This record cannot tell them apart.");
       break;
     case Verdict::kUnknown:
-      text.push_back("The model lacks something, and it is none of the effects that are known here.");
+      text.push_back("The model lacks something that none of the effects known here explains well enough to be named.");
+      for (const Explanation& e : result.ranking) {
+        if (!e.confirmed || e.log_bayes_factor <= thresholds.rival_nats) break;
+        std::string nearest = "Nearest comes " + joined(e.effects, "and") + ": ln of the Bayes factor " +
+                              shortNumber(e.log_bayes_factor) + " (asked: more than " + shortNumber(e.threshold) + ")";
+        if (std::isfinite(e.holdout_ratio)) {
+          nearest += ", error on the held-out record " + shortNumber(e.holdout_ratio) + " of that without it";
+        }
+        text.push_back(nearest + ".");
+      }
       break;
     case Verdict::kNone:
       text.push_back(

@@ -161,6 +161,14 @@ void describe(Identification& result, const Thresholds& thresholds) {
       text.push_back("Error on the held-out record: " + shortNumber(result.holdout.front().refitted.rmse_n) +
                      " N without the effect, " + shortNumber(e.holdout_rmse_n) + " N with it.");
     }
+    for (const Explanation& other : result.ranking) {
+      if (!other.confirmed || other.log_bayes_factor <= other.threshold) continue;
+      if (!(other.holdout_ratio > thresholds.holdout_ratio)) continue;
+      text.push_back(joined(other.effects, "and") + " would explain this record as well (ln of the Bayes factor " +
+                     shortNumber(other.log_bayes_factor) +
+                     "), but predicts the held-out one worse than no effect does (" + shortNumber(other.holdout_ratio) +
+                     " of the error).");
+    }
   } else {
     text.push_back("Residual: chi² of " + shortNumber(result.chi2_per_bin) + " per bin (significant above " +
                    shortNumber(thresholds.chi2_per_bin) + "), portmanteau p = " + shortNumber(result.portmanteau_p) +

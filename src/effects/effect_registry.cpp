@@ -102,6 +102,13 @@ const std::deque<EffectDescription>& effectRegistry() {
   return registry();
 }
 
+const EffectDescription* findEffect(const std::string& name) {
+  for (const EffectDescription& effect : registry()) {
+    if (name == effect.name) return &effect;
+  }
+  return nullptr;
+}
+
 void registerEffect(EffectDescription description) {
   const std::string name = description.name;
   if (name.empty() || name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") != std::string::npos) {

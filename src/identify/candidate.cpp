@@ -59,11 +59,9 @@ Amplitude makeAmplitude(const EffectParameter& p) {
 }
 
 const EffectDescription& describedAs(const std::string& name) {
-  for (const EffectDescription& effect : effectRegistry()) {
-    if (name == effect.name) return effect;
-  }
-  assert(false && "an effect of the library");
-  return effectRegistry().front();
+  const EffectDescription* const effect = findEffect(name);
+  assert(effect != nullptr && "an effect of the library");
+  return *effect;
 }
 
 const EffectParameter& parameterOf(const EffectDescription& effect, const std::string& name) {

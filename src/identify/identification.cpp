@@ -158,7 +158,7 @@ class Chain {
   std::vector<std::string> requestSignature(const Site& site, const Variant& variant);
   Eigen::MatrixXd signature(const Site& site, const Variant& variant);
   LinearModel linearModel(const Model& model) const;
-  ErrorModel errorsAt(const Model& model, const Eigen::VectorXd& amplitudes) const;
+  Eigen::MatrixXd formErrors(const Model& model, const Eigen::VectorXd& amplitudes) const;
   void refit(Model& model) const;
   Model linear(const std::vector<const Variant*>& variants) const;
   double findPlaces(const Model& start, const std::vector<double>& places, const Amplitude& prior,
@@ -532,10 +532,9 @@ LinearModel Chain::linearModel(const Model& model) const {
   return m;
 }
 
-/// Errors beside a model: those of the baseline, and what the law of its effects may be off at these amplitudes.
+/// Covariance of what the law of a model's effects may be off at these amplitudes.
 /// A load cell's bias or scale has no other law: with that freedom, a little of it would explain anything smooth.
-ErrorModel Chain::errorsAt(const Model& model, const Eigen::VectorXd& amplitudes) const {
-  ErrorModel errors = errors_;
+Eigen::MatrixXd Chain::formErrors(const Model& model, const Eigen::VectorXd& amplitudes) const {
   Eigen::VectorXd change = Eigen::VectorXd::Zero(data_.size());
   Eigen::Index column = 0;
   for (const Variant* v : model.variants) {
@@ -545,26 +544,30 @@ ErrorModel Chain::errorsAt(const Model& model, const Eigen::VectorXd& amplitudes
     }
     column += count;
   }
+  Eigen::MatrixXd form = Eigen::MatrixXd::Zero(data_.size(), data_.size());
   for (const Site& site : sites_) {
     if (!site.observation().ice_contact) continue;
-    errors.noise.block(site.first_row, site.first_row, site.rows(), site.rows()) +=
+    form.block(site.first_row, site.first_row, site.rows(), site.rows()) =
         computeFormCovariance(discrepancy_, site.observation(), change.segment(site.first_row, site.rows()));
   }
-  return errors;
+  return form;
 }
 
 /// How far an effect's law may be off depends on how much of it there is. That is integrated over one amplitude; with
 /// several, they are fitted twice.
 void Chain::refit(Model& model) const {
   const LinearModel m = linearModel(model);
-  const bool has_effect = model.effect_columns.cols() > 0;
-  if (model.effect_columns.cols() == 1 && !model.variants[0]->effect->reading_only) {
-    const ErrorModel errors = errorsAt(model, Eigen::VectorXd::Ones(1));
-    model.fit = fitWithForm(data_, m, errors_, unknowns(), errors.noise - errors_.noise, model.density);
+  const Eigen::Index amplitudes = model.effect_columns.cols();
+  if (amplitudes == 1 && !model.variants[0]->effect->reading_only) {
+    const Eigen::MatrixXd form = formErrors(model, Eigen::VectorXd::Ones(1));
+    model.fit = fitWithForm(data_, m, errors_, unknowns(), form, model.density);
     return;
   }
-  if (!has_effect || model.fit.x.size() != m.columns.cols()) model.fit = fitLinear(data_, m, errors_);
-  if (has_effect) model.fit = fitLinear(data_, m, errorsAt(model, model.fit.x.tail(model.effect_columns.cols())));
+  if (amplitudes == 0 || model.fit.x.size() != m.columns.cols()) model.fit = fitLinear(data_, m, errors_);
+  if (amplitudes == 0) return;
+  ErrorModel errors = errors_;
+  errors.noise += formErrors(model, model.fit.x.tail(amplitudes));
+  model.fit = fitLinear(data_, m, errors);
 }
 
 Model Chain::linear(const std::vector<const Variant*>& variants) const {

@@ -27,13 +27,6 @@ std::string joined(const std::vector<std::string>& names, const char* last) {
   return text;
 }
 
-const EffectDescription* findEffect(const std::string& name) {
-  for (const EffectDescription& effect : effectRegistry()) {
-    if (name == effect.name) return &effect;
-  }
-  return nullptr;
-}
-
 }  // namespace
 
 const char* verdictName(Verdict verdict) {

@@ -86,6 +86,9 @@ struct EffectDescription {
 /// References into it stay valid.
 const std::deque<EffectDescription>& effectRegistry();
 
+/// The effect of that name, or null.
+const EffectDescription* findEffect(const std::string& name);
+
 /// Adds an effect of the user's own. Its keys belong to each Scenario made from then on.
 /// Call before any scenario is made and before there are several threads.
 /// @throws std::invalid_argument if the name is taken or not made of a-z, 0-9 and _, or if `make` is missing

@@ -165,11 +165,18 @@ std::string toJson(const Identification& id, const Thresholds& t) {
   json["confusable"] = confusable;
   json["next_experiment"] = next;
   json["kappa"] = id.kappa;
-  json["thresholds"] = {{"log_bayes_factor", t.log_bayes_factor},   {"chi2_per_bin", t.chi2_per_bin},
-                        {"portmanteau_p", t.portmanteau_p},         {"explained_ratio", t.explained_ratio},
-                        {"holdout_ratio", t.holdout_ratio},         {"rival_nats", t.rival_nats},
-                        {"rival_correlation", t.rival_correlation}, {"second_effect", t.second_effect},
-                        {"detectability", t.detectability},         {"null_records", t.null_records},
+  json["thresholds"] = {{"log_bayes_factor", t.log_bayes_factor},
+                        {"chi2_per_bin", t.chi2_per_bin},
+                        {"portmanteau_p", t.portmanteau_p},
+                        {"explained_ratio", t.explained_ratio},
+                        {"holdout_ratio", t.holdout_ratio},
+                        {"rival_nats", t.rival_nats},
+                        {"rival_share", t.rival_share},
+                        {"rival_holdout_ratio", t.rival_holdout_ratio},
+                        {"rival_correlation", t.rival_correlation},
+                        {"second_effect", t.second_effect},
+                        {"detectability", t.detectability},
+                        {"null_records", t.null_records},
                         {"file", "src/identify/thresholds.cpp"}};
   for (const auto& [name, value] : t.own) json["thresholds"]["own." + name] = value;
   json["noise"] = {{"white_n", first.observation.noise.white_n}, {"slow_n", first.observation.noise.slow_n}};

@@ -70,33 +70,47 @@ void decide(Identification& result, const RecordReport& report, const Thresholds
     return e.confirmed && e.log_bayes_factor > e.threshold && !(e.holdout_ratio > thresholds.holdout_ratio) &&
            (!excess || e.explained_ratio >= thresholds.explained_ratio);
   };
+  const auto sameClass = [&](const std::string& a, const std::string& b) {
+    return std::any_of(result.confusable.begin(), result.confusable.end(), [&](const ConfusableSet& set) {
+      return std::count(set.effects.begin(), set.effects.end(), a) > 0 &&
+             std::count(set.effects.begin(), set.effects.end(), b) > 0;
+    });
+  };
+  const auto areRivals = [&](const Explanation& best, const Explanation& e) {
+    if (e.effects.size() != 1 || e.effects == best.effects || e.log_bayes_factor <= 0.0) return false;
+    if (e.holdout_ratio > thresholds.holdout_ratio) return false;  // the held-out record speaks against it
+    const double behind = best.log_bayes_factor - e.log_bayes_factor;
+    if (behind < std::max(thresholds.rival_nats, thresholds.rival_share * best.log_bayes_factor)) return true;
+    return sameClass(best.effects[0], e.effects[0]) && e.log_bayes_factor > 0.5 * best.log_bayes_factor;
+  };
   std::vector<const Explanation*> accepted;
   for (const Explanation& e : result.ranking) {
     if (holds(e)) accepted.push_back(&e);
   }
   if (!accepted.empty()) {
-    const Explanation& best = *accepted.front();
-    result.accepted = static_cast<std::size_t>(&best - result.ranking.data());
-    result.effects = best.effects;
-    result.verdict = Verdict::kEffect;
-    if (best.effects.size() == 1) {
+    const Explanation* best = accepted.front();
+    std::vector<const Explanation*> contenders{best};
+    if (best->effects.size() == 1) {
       for (const Explanation& e : result.ranking) {
-        if (&e == &best || e.effects.size() != 1 || e.effects == best.effects) continue;
-        if (e.holdout_ratio > thresholds.holdout_ratio) continue;  // the held-out record speaks against it
-        const bool close =
-            e.log_bayes_factor > best.log_bayes_factor - thresholds.rival_nats && e.log_bayes_factor > 0.0;
-        bool same_class = false;
-        for (const ConfusableSet& set : result.confusable) {
-          const bool both = std::count(set.effects.begin(), set.effects.end(), best.effects[0]) > 0 &&
-                            std::count(set.effects.begin(), set.effects.end(), e.effects[0]) > 0;
-          same_class = same_class || both;
-        }
-        same_class = same_class && e.log_bayes_factor > 0.5 * best.log_bayes_factor;
-        if (close || same_class) {
-          result.effects.push_back(e.effects[0]);
-          result.verdict = Verdict::kTie;
-        }
+        if (&e != best && areRivals(*best, e)) contenders.push_back(&e);
       }
+      // Whose evidence is alike, the held-out record may tell apart.
+      double least = best->holdout_rmse_n;
+      for (const Explanation* e : contenders) {
+        if (holds(*e)) least = std::min(least, e->holdout_rmse_n);
+      }
+      contenders.erase(std::remove_if(contenders.begin(), contenders.end(),
+                                      [&](const Explanation* e) {
+                                        return e->holdout_rmse_n > thresholds.rival_holdout_ratio * least;
+                                      }),
+                       contenders.end());
+      best = *std::find_if(contenders.begin(), contenders.end(), [&](const Explanation* e) { return holds(*e); });
+    }
+    result.accepted = static_cast<std::size_t>(best - result.ranking.data());
+    result.effects = best->effects;
+    result.verdict = contenders.size() > 1 ? Verdict::kTie : Verdict::kEffect;
+    for (const Explanation* e : contenders) {
+      if (e != best) result.effects.push_back(e->effects.front());
     }
   } else if (partial && !result.significant) {
     result.verdict = Verdict::kCannotTell;
@@ -156,11 +170,15 @@ void describe(Identification& result, const Thresholds& thresholds) {
     }
     for (const Explanation& other : result.ranking) {
       if (!other.confirmed || other.log_bayes_factor <= other.threshold) continue;
-      if (!(other.holdout_ratio > thresholds.holdout_ratio)) continue;
+      std::string worse;
+      if (other.holdout_ratio > thresholds.holdout_ratio) {
+        worse = "worse than no effect does (" + shortNumber(other.holdout_ratio) + " of the error)";
+      } else if (other.holdout_rmse_n > thresholds.rival_holdout_ratio * e.holdout_rmse_n) {
+        worse = "with an error of " + shortNumber(other.holdout_rmse_n) + " N";
+      }
+      if (worse.empty() || other.effects == e.effects) continue;
       text.push_back(joined(other.effects, "and") + " would explain this record as well (ln of the Bayes factor " +
-                     shortNumber(other.log_bayes_factor) +
-                     "), but predicts the held-out one worse than no effect does (" + shortNumber(other.holdout_ratio) +
-                     " of the error).");
+                     shortNumber(other.log_bayes_factor) + "), but predicts the held-out one " + worse + ".");
     }
   } else {
     text.push_back("Residual: chi² of " + shortNumber(result.chi2_per_bin) + " per bin (significant above " +

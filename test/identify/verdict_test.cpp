@@ -1,0 +1,144 @@
+#include "brash_ice_rig/identify/verdict.h"
+
+#include <limits>
+
+#include <gtest/gtest.h>
+
+namespace brash_ice_rig {
+namespace {
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+
+/// What was found of an effect, or of two, by simulation; the rest as it should be.
+Explanation found(const std::vector<std::string>& effects, double log_bayes_factor, double holdout_rmse_n = kNone) {
+  Explanation e;
+  e.effects = effects;
+  e.log_bayes_factor = log_bayes_factor;
+  e.threshold = 6.0;
+  e.explained_ratio = 0.9;
+  e.confirmed = true;
+  e.holdout_rmse_n = holdout_rmse_n;
+  e.holdout_ratio = holdout_rmse_n / 1000.0;
+  return e;
+}
+
+Identification ranked(const std::vector<Explanation>& ranking, double chi2_per_bin = 2.0) {
+  Identification result;
+  result.ranking = ranking;
+  result.chi2_per_bin = chi2_per_bin;
+  result.portmanteau_p = 0.5;
+  return result;
+}
+
+using Names = std::vector<std::string>;
+
+Identification decided(Identification result, const RecordReport& report = RecordReport()) {
+  decide(result, report, Thresholds());
+  return result;
+}
+
+TEST(Verdict, AnEffectIsNamedThatExceedsItsThreshold) {
+  const Identification result = decided(ranked({found({"drainage"}, 6.1), found({"block_drop"}, 1.0)}));
+  EXPECT_EQ(result.verdict, Verdict::kEffect);
+  EXPECT_EQ(result.effects, Names{"drainage"});
+  EXPECT_EQ(result.accepted, 0u);
+  EXPECT_EQ(decided(ranked({found({"drainage"}, 6.0)})).verdict, Verdict::kUnknown);
+}
+
+TEST(Verdict, WhatWasNotSimulatedIsNotNamed) {
+  Explanation screened = found({"drainage"}, 20.0);
+  screened.confirmed = false;
+  EXPECT_EQ(decided(ranked({screened})).verdict, Verdict::kUnknown);
+}
+
+TEST(Verdict, WhatPredictsTheHeldOutRecordWorseThanNoEffectIsNotNamed) {
+  EXPECT_EQ(decided(ranked({found({"drainage"}, 20.0, 1030.0)})).verdict, Verdict::kUnknown);
+  const Identification next =
+      decided(ranked({found({"porosity_gradient"}, 20.0, 1110.0), found({"drainage"}, 18.0, 600.0)}));
+  EXPECT_EQ(next.verdict, Verdict::kEffect);
+  EXPECT_EQ(next.effects, Names{"drainage"});
+  EXPECT_EQ(next.accepted, 1u);
+}
+
+TEST(Verdict, AnEffectHasToExplainMostOfAnExcess) {
+  Explanation little = found({"drainage"}, 20.0);
+  little.explained_ratio = 0.5;
+  EXPECT_EQ(decided(ranked({little})).verdict, Verdict::kUnknown);
+  // Where there is no excess, there is none to explain: its evidence is enough.
+  EXPECT_EQ(decided(ranked({little}, 1.1)).verdict, Verdict::kEffect);
+}
+
+TEST(Verdict, RivalsWithinThreeNatsMakeATie) {
+  const Identification tie = decided(ranked({found({"drainage"}, 12.0), found({"freeze_bonds"}, 9.1)}));
+  EXPECT_EQ(tie.verdict, Verdict::kTie);
+  EXPECT_EQ(tie.effects, (Names{"drainage", "freeze_bonds"}));
+  EXPECT_EQ(decided(ranked({found({"drainage"}, 12.0), found({"freeze_bonds"}, 8.9)})).verdict, Verdict::kEffect);
+}
+
+TEST(Verdict, OfMuchEvidenceAQuarterTellsNothingApart) {
+  const Identification tie = decided(ranked({found({"drainage"}, 36.0), found({"thickness_field"}, 27.1)}));
+  EXPECT_EQ(tie.effects, (Names{"drainage", "thickness_field"}));
+  EXPECT_EQ(decided(ranked({found({"drainage"}, 36.0), found({"thickness_field"}, 26.9)})).verdict, Verdict::kEffect);
+}
+
+TEST(Verdict, TheHeldOutRecordTellsApartWhatTheEvidenceCannot) {
+  const std::vector<Explanation> close = {found({"drainage"}, 12.0, 600.0), found({"freeze_bonds"}, 11.0, 719.0)};
+  EXPECT_EQ(decided(ranked(close)).verdict, Verdict::kTie);
+  const Identification first =
+      decided(ranked({found({"drainage"}, 12.0, 600.0), found({"freeze_bonds"}, 11.0, 721.0)}));
+  EXPECT_EQ(first.verdict, Verdict::kEffect);
+  EXPECT_EQ(first.effects, Names{"drainage"});
+  const Identification second =
+      decided(ranked({found({"freeze_bonds"}, 12.0, 721.0), found({"drainage"}, 11.0, 600.0)}));
+  EXPECT_EQ(second.verdict, Verdict::kEffect);
+  EXPECT_EQ(second.effects, Names{"drainage"});
+  EXPECT_EQ(second.accepted, 1u);
+  // What would not be named itself does not take another's place.
+  const Identification weak = decided(ranked({found({"freeze_bonds"}, 7.0, 721.0), found({"drainage"}, 5.0, 600.0)}));
+  EXPECT_EQ(weak.effects, (Names{"freeze_bonds", "drainage"}));
+}
+
+TEST(Verdict, ARivalOfTheSameClassNeedsHalfOfTheEvidence) {
+  for (const double evidence : {11.0, 9.0}) {
+    Identification result = ranked({found({"load_cell_scale"}, 20.0), found({"load_cell_bias"}, evidence)});
+    result.confusable.push_back({{"load_cell_bias", "load_cell_scale"}, 0.95, ""});
+    EXPECT_EQ(decided(result).verdict, evidence > 10.0 ? Verdict::kTie : Verdict::kEffect) << evidence;
+  }
+}
+
+TEST(Verdict, ARivalThatTheHeldOutRecordSpeaksAgainstIsNone) {
+  const Identification result =
+      decided(ranked({found({"drainage"}, 12.0, 600.0), found({"porosity_gradient"}, 11.5, 1110.0)}));
+  EXPECT_EQ(result.verdict, Verdict::kEffect);
+  EXPECT_EQ(result.effects, Names{"drainage"});
+}
+
+TEST(Verdict, APairIsNamedOnlyIfItPredictsBetterThanEitherAlone) {
+  const std::vector<Explanation> ranking = {found({"drainage", "vessel_heave"}, 30.0, 500.0),
+                                            found({"drainage"}, 20.0, 600.0)};
+  EXPECT_EQ(decided(ranked(ranking)).effects, (Names{"drainage", "vessel_heave"}));
+  EXPECT_EQ(decided(ranked({found({"drainage", "vessel_heave"}, 30.0, 600.0), ranking[1]})).effects, Names{"drainage"});
+}
+
+TEST(Verdict, WithoutAnEffectTheResidualDecides) {
+  Identification result = ranked({found({"drainage"}, 2.0)}, 1.26);
+  EXPECT_EQ(decided(result).verdict, Verdict::kNone);
+  EXPECT_FALSE(decided(result).significant);
+  result.portmanteau_p = 1e-4;  // what is left is not only noise, though it is small
+  EXPECT_EQ(decided(result).verdict, Verdict::kUnknown);
+  result.chi2_per_bin = 1.1;
+  EXPECT_EQ(decided(result).verdict, Verdict::kNone);
+  EXPECT_EQ(decided(ranked({found({"drainage"}, 2.0)}, 1.28)).verdict, Verdict::kUnknown);
+}
+
+TEST(Verdict, NothingFoundInPartOfALiftProvesNothing) {
+  RecordReport part;
+  part.findings.emplace_back();
+  part.findings.back().code = "too_short";
+  EXPECT_EQ(decided(ranked({}, 1.0), part).verdict, Verdict::kCannotTell);
+  EXPECT_EQ(decided(ranked({}, 2.0), part).verdict, Verdict::kUnknown);
+  EXPECT_EQ(decided(ranked({found({"load_cell_bias"}, 20.0)}, 1.0), part).verdict, Verdict::kEffect);
+}
+
+}  // namespace
+}  // namespace brash_ice_rig

@@ -31,6 +31,10 @@ constexpr float kVolumeChange = 0.002f;
 
 /// Share of the way that counts as a move which particles may go between two looks at them.
 constexpr double kUncheckedShare = 0.1;
+/// Ice with more particles in a place than this many lattices is a crowd, see spreadCrowds().
+constexpr double kCrowd = 1.5;
+/// Shifting of its particles, in h² per search, and at most so far, in h.
+constexpr double kSpreading = 0.5, kLargestSpread = 0.05;
 
 /// How far particles may go before their gradients see no more of it, over the size of the field.
 constexpr double kSiteRange = 4.0;
@@ -117,7 +121,10 @@ void SphBody::updateGradients() {
       longest_ = *std::max_element(smoothing_length_.begin(), smoothing_length_.end());
     }
   }
-  if (search_due_) search_.find(reference_, 2.0 * longest_ + settings_.skin_m, candidates_);
+  if (search_due_) {
+    search_.find(reference_, 2.0 * longest_ + settings_.skin_m, candidates_);
+    spreadCrowds();
+  }
 #pragma omp single
   {
     if (search_due_) takeCandidates();
@@ -191,6 +198,38 @@ void SphBody::takeCandidates() {
   searched_position_ = reference_;
   longest_at_search_ = longest_;
   findLongestRow();
+}
+
+/// Strain from a smoothed velocity does not see two particles pass through each other, so that broken ice which is
+/// pressed for long, by a net that folds around it, would shrink to a point. After a search, particles of a crowd are
+/// shifted down the gradient of the concentration c_i = V_0 sum_j W_ij, as in Lind, Xu, Stansby and Rogers (2012,
+/// Journal of Computational Physics 231, eq. 25), but keep their velocity. Ice that breaks and flows stays below 1.2;
+/// there it changes nothing.
+void SphBody::spreadCrowds() {
+  const double h = settings_.smoothing_length_m;
+  const CubicSpline kernel{h};
+  bool any = false;
+#pragma omp for schedule(static)
+  for (std::size_t i = 0; i < size(); ++i) {
+    if (fixed_[i] != 0 || !active_.isAwake(i)) continue;
+    double sum = kernel.value(0.0);
+    Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+    forCandidates(i, [&](std::size_t j) {
+      const Eigen::Vector3d away = reference_[i] - reference_[j];
+      const double distance = away.norm();
+      sum += kernel.value(distance);
+      if (distance > 0.0) gradient += kernel.derivative(distance) / distance * away;
+    });
+    if (sum * settings_.particle_volume_m3 <= kCrowd) continue;
+    Eigen::Vector3d shift = -kSpreading * h * h * settings_.particle_volume_m3 * gradient;
+    const double length = shift.norm();
+    if (length > kLargestSpread * h) shift *= kLargestSpread * h / length;
+    position_[i] += shift;
+    any = true;
+  }
+  if (!any) return;
+#pragma omp atomic write
+  unchecked_way_ = kLargestSpread * h;
 }
 
 void SphBody::findLongestRow() {

@@ -423,7 +423,8 @@ TEST(SphViscosity, TakesEnergyOutAndNeverPutsItIn) {
 /// As many particles in a place as a net pushes together, almost without stiffness.
 struct Crowd {
   explicit Crowd(double largest_viscous_rate_ps)
-      : material(1.0, 1.0), sph(settingsWith(largest_viscous_rate_ps), material, points(), std::vector<bool>(64, false)) {
+      : material(1.0, 1.0),
+        sph(settingsWith(largest_viscous_rate_ps), material, points(), std::vector<bool>(64, false)) {
     std::mt19937 generator(31);
     std::uniform_real_distribution<double> along(-1.0e-3, 1.0e-3);
     for (std::size_t i = 0; i < sph.size(); ++i) {
@@ -658,6 +659,42 @@ TEST(SphBody, ForceBeyondAllBoundsIsCaughtAndTheStateStaysFinite) {
     EXPECT_FALSE(body.sph.sound());
     for (const auto& p : body.sph.position()) EXPECT_TRUE(p.allFinite());
   }
+}
+
+/// V_0 sum_j W_ij where it is largest.
+double largestConcentration(const SphBody& sph) {
+  const CubicSpline kernel{settings().smoothing_length_m};
+  double largest = 0.0;
+  for (const Eigen::Vector3d& here : sph.position()) {
+    double sum = 0.0;
+    for (const Eigen::Vector3d& other : sph.position()) sum += kernel.value((here - other).norm());
+    largest = std::max(largest, sum * settings().particle_volume_m3);
+  }
+  return largest;
+}
+
+TEST(SphBody, ACrowdSpreads) {
+  // Two blocks in the same place, the second a little aside: what is left of ice that was pressed through itself.
+  std::vector<Eigen::Vector3d> points = block(4, 4, 4, 0.02);
+  for (const Eigen::Vector3d& p : block(4, 4, 4, 0.02, 8)) points.push_back(p + Eigen::Vector3d(0.05, 0.03, 0.04));
+  Body body(points);
+  EXPECT_GT(largestConcentration(body.sph), 1.9);
+  // Under way as a whole: nothing strains, and neighbours are searched every 6 cm.
+  const Eigen::Vector3d velocity(1.0, 0.0, 0.0);
+  for (std::size_t i = 0; i < body.sph.size(); ++i) body.sph.setVelocity(i, velocity);
+  const Eigen::Vector3d momentum = body.momentum();
+  for (int step = 0; step < 3000; ++step) body.step(1.0e-3);
+  EXPECT_LT(largestConcentration(body.sph), 1.65);  // a particle in the very middle has no way to go
+  EXPECT_NEAR((body.momentum() - momentum).norm(), 0.0, 1.0e-6 * momentum.norm());
+}
+
+TEST(SphBody, IceThatIsNoCrowdIsNotShifted) {
+  const std::vector<Eigen::Vector3d> points = block(6, 6, 6, 0.25);
+  Body body(points);
+  EXPECT_GT(largestConcentration(body.sph), 1.1);
+  EXPECT_LT(largestConcentration(body.sph), 1.5);
+  for (int step = 0; step < 5; ++step) body.sph.updateGradients();
+  for (std::size_t i = 0; i < points.size(); ++i) EXPECT_EQ(body.sph.position()[i], points[i]) << i;
 }
 
 }  // namespace

@@ -256,6 +256,7 @@ class SphBody {
   void checkMoves();
   void takeReferences();
   void takeCandidates();
+  void spreadCrowds();
   void findLongestRow();
   void listAllRows();
   void listDueRows();

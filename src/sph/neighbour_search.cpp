@@ -84,7 +84,7 @@ void NeighbourSearch::findRowsOf(std::size_t home, const std::vector<Eigen::Vect
     }
   }
   std::sort(around.begin(), around.end());
-  std::vector<double> x(around.size()), y(around.size()), z(around.size());
+  std::vector<double> x(around.size()), y(around.size()), z(around.size()), squared(around.size());
   for (std::size_t k = 0; k < around.size(); ++k) {
     const Eigen::Vector3d& position = position_m[static_cast<std::size_t>(around[k])];
     x[k] = position.x();
@@ -99,11 +99,14 @@ void NeighbourSearch::findRowsOf(std::size_t home, const std::vector<Eigen::Vect
     found.resize(found.size() + around.size());
     std::int32_t* const row = found.data() + row_offset_[i];
     const Eigen::Vector3d& own = position_m[i];
-    std::size_t taken = 0;
     for (std::size_t k = 0; k < around.size(); ++k) {
       const double ox = x[k] - own.x(), oy = y[k] - own.y(), oz = z[k] - own.z();
+      squared[k] = ox * ox + oy * oy + oz * oz;
+    }
+    std::size_t taken = 0;
+    for (std::size_t k = 0; k < around.size(); ++k) {
       row[taken] = around[k];  // written in any case and kept or not: a branch would often be guessed wrong
-      const bool near = ox * ox + oy * oy + oz * oz < radius_squared, other = around[k] != static_cast<std::int32_t>(i);
+      const bool near = squared[k] < radius_squared, other = around[k] != static_cast<std::int32_t>(i);
       taken += static_cast<std::size_t>(near & other);
     }
     row_length_[i] = taken;

@@ -35,6 +35,8 @@ std::pair<double, double> priorInterval(const Prior& prior) {
 Amplitude makeAmplitude(const EffectParameter& p) {
   Amplitude a;
   a.name = p.name;
+  a.least = p.range.min;
+  a.most = p.range.max;
   switch (p.prior.kind) {
     case PriorKind::kHalfNormal:
       a.prior_sigma = p.prior.b;
@@ -225,6 +227,7 @@ Variant makeSwell(const std::vector<double>& periods_s) {
       Amplitude a = makeAmplitude(parameterOf(effect, named("amplitude", k, "m")));
       a.name += std::string(" (") + part + ")";
       a.positive = false;
+      a.least = -a.most;
       v.amplitudes.push_back(a);
     }
   }
@@ -273,6 +276,7 @@ std::vector<Variant> makeTilts(double direction_deg) {
     v.label = label;
     v.amplitudes.push_back(makeAmplitude(size));
     v.amplitudes[0].positive = false;
+    v.amplitudes[0].least = -size.range.max;  // the other way
     const auto directionOf = [direction_deg](double a) {
       return a >= 0.0 ? direction_deg : direction_deg > 0.0 ? direction_deg - 180.0 : direction_deg + 180.0;
     };

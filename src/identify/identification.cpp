@@ -699,9 +699,7 @@ Eigen::VectorXd Chain::clipped(const Model& model, Eigen::VectorXd x) const {
   Eigen::Index column = unknowns();
   for (const Variant* v : model.variants) {
     for (const Amplitude& a : v->amplitudes) {
-      for (const EffectParameter& p : v->effect->parameters) {
-        if (a.name == p.name) x[column] = std::clamp(x[column], p.range.min, p.range.max);
-      }
+      x[column] = std::clamp(x[column], a.least, a.most);
       ++column;
     }
   }

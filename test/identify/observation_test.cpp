@@ -106,6 +106,20 @@ TEST(Candidates, SwellOfSineAndCosineHasTheirAmplitudeAndPhase) {
   EXPECT_EQ(heave["amplitude_3_m"], 0.0);
 }
 
+TEST(Candidates, AmplitudesStayWhereTheyCanBeSimulated) {
+  for (const EffectDescription& effect : effectRegistry()) {
+    for (const Variant& v : makeVariants(effect, PositionOrigin::kCommanded)) {
+      for (const Amplitude& a : v.amplitudes) {
+        EXPECT_LT(a.least, a.most) << effect.name;
+        EXPECT_TRUE(std::isfinite(a.least) && std::isfinite(a.most)) << effect.name;
+        if (a.positive) EXPECT_GE(a.least, 0.0) << effect.name << " " << a.name;
+      }
+    }
+  }
+  for (const Amplitude& a : makeSwell({6.0}).amplitudes) EXPECT_EQ(a.least, -a.most);  // sine and cosine
+  for (const Amplitude& a : makeFalls({20.0}).amplitudes) EXPECT_EQ(a.least, 0.0);
+}
+
 TEST(Candidates, TiltSeenSidewaysGoesBothWaysAlongItsDirection) {
   const std::vector<Variant> tilts = makeTilts(30.0);
   ASSERT_EQ(tilts.size(), 4u);  // drift, and sway of three periods
@@ -120,6 +134,10 @@ TEST(Candidates, TiltSeenSidewaysGoesBothWaysAlongItsDirection) {
   EXPECT_DOUBLE_EQ(values["sway_m"], 0.1);
   EXPECT_DOUBLE_EQ(values["direction_deg"], 30.0);
   EXPECT_DOUBLE_EQ(values["sway_period_s"], 15.0);
+  for (const Variant& tilt : tilts) {
+    EXPECT_LT(tilt.amplitudes[0].least, 0.0) << tilt.label;
+    EXPECT_EQ(tilt.amplitudes[0].least, -tilt.amplitudes[0].most) << tilt.label;
+  }
   const auto told = tilts[0].estimate(Eigen::VectorXd::Constant(1, -0.004), Eigen::MatrixXd::Constant(1, 1, 1e-6));
   EXPECT_DOUBLE_EQ(told[0].value, 0.004);
   EXPECT_DOUBLE_EQ(told[1].value, -150.0);

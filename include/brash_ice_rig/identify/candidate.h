@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <limits>
 #include <string>
 #include <utility>
 #include <vector>
@@ -18,6 +19,8 @@ struct Amplitude {
   double step = 1.0;  ///< value at which the effect is simulated to see what it does
   double prior_mean = 0.0, prior_sigma = 1.0;
   bool positive = false;
+  /// That can be simulated. Below zero although its parameter is a size: the other way, or the other phase.
+  double least = -std::numeric_limits<double>::infinity(), most = std::numeric_limits<double>::infinity();
 };
 
 /// A parameter as it is told in the end, with its 95 % interval.

@@ -27,6 +27,18 @@ std::string joined(const std::vector<std::string>& names, const char* last) {
   return text;
 }
 
+/// Whether the evidence for this effect is not clearly less than that for the other one.
+bool hasAsMuchEvidence(const Explanation& e, const Explanation& other, const std::vector<ConfusableSet>& confusable,
+                       const Thresholds& thresholds) {
+  const double behind = other.log_bayes_factor - e.log_bayes_factor;
+  if (behind < std::max(thresholds.rival_nats, thresholds.rival_share * other.log_bayes_factor)) return true;
+  const bool same_class = std::any_of(confusable.begin(), confusable.end(), [&](const ConfusableSet& set) {
+    return std::count(set.effects.begin(), set.effects.end(), e.effects[0]) > 0 &&
+           std::count(set.effects.begin(), set.effects.end(), other.effects[0]) > 0;
+  });
+  return same_class && e.log_bayes_factor > 0.5 * other.log_bayes_factor;
+}
+
 }  // namespace
 
 const char* verdictName(Verdict verdict) {
@@ -70,19 +82,6 @@ void decide(Identification& result, const RecordReport& report, const Thresholds
     return e.confirmed && e.log_bayes_factor > e.threshold && !(e.holdout_ratio > thresholds.holdout_ratio) &&
            (!excess || e.explained_ratio >= thresholds.explained_ratio);
   };
-  const auto sameClass = [&](const std::string& a, const std::string& b) {
-    return std::any_of(result.confusable.begin(), result.confusable.end(), [&](const ConfusableSet& set) {
-      return std::count(set.effects.begin(), set.effects.end(), a) > 0 &&
-             std::count(set.effects.begin(), set.effects.end(), b) > 0;
-    });
-  };
-  const auto areRivals = [&](const Explanation& best, const Explanation& e) {
-    if (e.effects.size() != 1 || e.effects == best.effects || e.log_bayes_factor <= 0.0) return false;
-    if (e.holdout_ratio > thresholds.holdout_ratio) return false;  // the held-out record speaks against it
-    const double behind = best.log_bayes_factor - e.log_bayes_factor;
-    if (behind < std::max(thresholds.rival_nats, thresholds.rival_share * best.log_bayes_factor)) return true;
-    return sameClass(best.effects[0], e.effects[0]) && e.log_bayes_factor > 0.5 * best.log_bayes_factor;
-  };
   std::vector<const Explanation*> accepted;
   for (const Explanation& e : result.ranking) {
     if (holds(e)) accepted.push_back(&e);
@@ -92,7 +91,9 @@ void decide(Identification& result, const RecordReport& report, const Thresholds
     std::vector<const Explanation*> contenders{best};
     if (best->effects.size() == 1) {
       for (const Explanation& e : result.ranking) {
-        if (&e != best && areRivals(*best, e)) contenders.push_back(&e);
+        if (e.effects == best->effects || e.effects.size() != 1 || e.log_bayes_factor <= 0.0) continue;
+        if (e.holdout_ratio > thresholds.holdout_ratio) continue;  // the held-out record speaks against it
+        if (hasAsMuchEvidence(e, *best, result.confusable, thresholds)) contenders.push_back(&e);
       }
       // Whose evidence is alike, the held-out record may tell apart.
       double least = best->holdout_rmse_n;
@@ -170,13 +171,14 @@ void describe(Identification& result, const Thresholds& thresholds) {
     }
     for (const Explanation& other : result.ranking) {
       if (!other.confirmed || other.log_bayes_factor <= other.threshold) continue;
+      if (other.effects == e.effects || !hasAsMuchEvidence(other, e, result.confusable, thresholds)) continue;
       std::string worse;
       if (other.holdout_ratio > thresholds.holdout_ratio) {
         worse = "worse than no effect does (" + shortNumber(other.holdout_ratio) + " of the error)";
       } else if (other.holdout_rmse_n > thresholds.rival_holdout_ratio * e.holdout_rmse_n) {
         worse = "with an error of " + shortNumber(other.holdout_rmse_n) + " N";
       }
-      if (worse.empty() || other.effects == e.effects) continue;
+      if (worse.empty()) continue;
       text.push_back(joined(other.effects, "and") + " would explain this record as well (ln of the Bayes factor " +
                      shortNumber(other.log_bayes_factor) + "), but predicts the held-out one " + worse + ".");
     }

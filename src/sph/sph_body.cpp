@@ -207,8 +207,8 @@ void SphBody::takeCandidates() {
 /// Strain from a smoothed velocity does not see two particles pass through each other, so that broken ice which is
 /// pressed for long, by a net that folds around it, would shrink to a point. After a search, particles of a crowd are
 /// shifted down the gradient of the concentration c_i = V_0 sum_j W_ij, as in Lind, Xu, Stansby and Rogers (2012,
-/// Journal of Computational Physics 231), but keep their velocity. Ice that breaks and flows stays below 1.2;
-/// there it changes nothing.
+/// Journal of Computational Physics 231), but keep their velocity. In a lift it stays below 1.2, and nothing
+/// changes.
 void SphBody::spreadCrowds() {
   const double h = settings_.smoothing_length_m;
   const CubicSpline kernel{h};

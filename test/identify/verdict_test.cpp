@@ -1,5 +1,6 @@
 #include "brash_ice_rig/identify/verdict.h"
 
+#include <algorithm>
 #include <limits>
 
 #include <gtest/gtest.h>
@@ -111,6 +112,24 @@ TEST(Verdict, ARivalThatTheHeldOutRecordSpeaksAgainstIsNone) {
       decided(ranked({found({"drainage"}, 12.0, 600.0), found({"porosity_gradient"}, 11.5, 1110.0)}));
   EXPECT_EQ(result.verdict, Verdict::kEffect);
   EXPECT_EQ(result.effects, Names{"drainage"});
+}
+
+TEST(Verdict, TellsWhatTheHeldOutRecordRuledOutAndNothingThatHasLessEvidence) {
+  Identification result = decided(ranked({found({"porosity_gradient"}, 13.0, 1110.0), found({"drainage"}, 12.0, 600.0),
+                                          found({"freeze_bonds"}, 11.0, 800.0), found({"block_drop"}, 8.0, 900.0)}));
+  ASSERT_EQ(result.effects, Names{"drainage"});
+  result.records.emplace_back();
+  result.holdout.emplace_back();
+  describe(result, Thresholds());
+  const auto told = [&](const std::string& name) {
+    return std::count_if(result.summary.begin(), result.summary.end(), [&](const std::string& sentence) {
+      return sentence.rfind(name + " would explain this record as well", 0) == 0;
+    });
+  };
+  EXPECT_EQ(told("porosity_gradient"), 1);
+  EXPECT_EQ(told("freeze_bonds"), 1);
+  EXPECT_EQ(told("block_drop"), 0);
+  EXPECT_EQ(told("drainage"), 0);
 }
 
 TEST(Verdict, APairIsNamedOnlyIfItPredictsBetterThanEitherAlone) {

@@ -4,6 +4,7 @@
 #include <cassert>
 #include <cmath>
 #include <memory>
+#include <optional>
 
 #include "brash_ice_rig/config/number_check.h"
 #include "brash_ice_rig/effects/effect.h"
@@ -266,40 +267,56 @@ Variant makeSwell(const std::vector<double>& periods_s) {
 
 std::vector<Variant> makeTilts(double direction_deg) {
   const EffectDescription& effect = describedAs("pole_tilt");
-  const EffectParameter& period = parameterOf(effect, "sway_period_s");
+  const EffectParameter &drift = parameterOf(effect, "drift_mps"), &sway = parameterOf(effect, "sway_m"),
+                        &period = parameterOf(effect, "sway_period_s");
   constexpr double kDirectionSigmaDeg = 10.0;
   std::vector<Variant> variants;
-  const auto add = [&](const EffectParameter& size, const std::vector<std::pair<std::string, double>>& given,
-                       const std::string& label) {
+  // The last of the sizes goes along the direction or against it, and the others with it.
+  const auto add = [&](const std::vector<const EffectParameter*>& sizes, const std::optional<double>& period_s) {
     Variant v;
     v.effect = &effect;
-    v.label = label;
-    v.amplitudes.push_back(makeAmplitude(size));
-    v.amplitudes[0].positive = false;
-    v.amplitudes[0].least = -size.range.max;  // the other way
-    const auto directionOf = [direction_deg](double a) {
-      return a >= 0.0 ? direction_deg : direction_deg > 0.0 ? direction_deg - 180.0 : direction_deg + 180.0;
+    v.label = "direction_deg = " + formatNumber(direction_deg);
+    if (period_s) v.label += ", sway_period_s = " + formatNumber(*period_s) + (sizes.size() > 1 ? " and drift" : "");
+    for (const EffectParameter* size : sizes) {
+      v.amplitudes.push_back(makeAmplitude(*size));
+      v.amplitudes.back().positive = false;
+      v.amplitudes.back().least = -size->range.max;
+    }
+    const auto signOf = [](const Eigen::VectorXd& a) { return a[a.size() - 1] < 0.0 ? -1.0 : 1.0; };
+    const auto directionOf = [direction_deg](double sign) {
+      return sign > 0.0 ? direction_deg : direction_deg > 0.0 ? direction_deg - 180.0 : direction_deg + 180.0;
     };
-    v.apply = [&size, given, directionOf](EffectValues& values, const Eigen::VectorXd& a) {
+    v.apply = [sizes, period_s, signOf, directionOf](EffectValues& values, const Eigen::VectorXd& a) {
       values.enabled = true;
       values.set("drift_mps", 0.0);
       values.set("sway_m", 0.0);
-      for (const auto& [name, value] : given) values.set(name, value);
-      values.set(size.name, clampTo(size, std::abs(a[0])));
-      values.set("direction_deg", directionOf(a[0]));
+      const double sign = signOf(a);
+      // Without sway its period would only make another scenario of the same lift.
+      if (period_s && sign * a[a.size() - 1] > 0.0) values.set("sway_period_s", *period_s);
+      for (std::size_t k = 0; k < sizes.size(); ++k) {
+        values.set(sizes[k]->name, clampTo(*sizes[k], sign * a[static_cast<Eigen::Index>(k)]));
+      }
+      values.set("direction_deg", directionOf(sign));
     };
-    v.estimate = [&effect, &size, directionOf](const Eigen::VectorXd& a, const Eigen::MatrixXd& covariance) {
-      return std::vector<ParameterEstimate>{
-          estimateOf(effect, size, std::abs(a[0]), std::sqrt(covariance(0, 0))),
-          estimateOf(effect, parameterOf(effect, "direction_deg"), directionOf(a[0]), kDirectionSigmaDeg)};
+    v.estimate = [&effect, sizes, signOf, directionOf](const Eigen::VectorXd& a, const Eigen::MatrixXd& covariance) {
+      std::vector<ParameterEstimate> estimates;
+      const double sign = signOf(a);
+      for (std::size_t k = 0; k < sizes.size(); ++k) {
+        const auto i = static_cast<Eigen::Index>(k);
+        estimates.push_back(estimateOf(effect, *sizes[k], sign * a[i], std::sqrt(covariance(i, i))));
+      }
+      estimates.push_back(
+          estimateOf(effect, parameterOf(effect, "direction_deg"), directionOf(sign), kDirectionSigmaDeg));
+      return estimates;
     };
     variants.push_back(std::move(v));
   };
-  add(parameterOf(effect, "drift_mps"), {}, "direction_deg = " + formatNumber(direction_deg));
-  for (const double deviations : {-1.0, 0.0, 1.0}) {
+  add({&drift}, std::nullopt);
+  // A pole that is pushed aside and comes part of the way back is slower than the lift.
+  for (const double deviations : {-1.0, 0.0, 1.0, 2.0}) {
     const double period_s = clampTo(period, period.prior.a * std::exp(deviations * period.prior.b));
-    add(parameterOf(effect, "sway_m"), {{period.name, period_s}},
-        "direction_deg = " + formatNumber(direction_deg) + ", sway_period_s = " + formatNumber(period_s));
+    add({&sway}, period_s);
+    if (deviations > 0.0) add({&drift, &sway}, period_s);
   }
   return variants;
 }
@@ -308,23 +325,20 @@ Eigen::VectorXd fallTemplate(double time_s, const Eigen::VectorXd& bin_time_s) {
   return -kGravityMps2 * ((bin_time_s.array() - time_s) / kFallDurationS).max(0.0).min(1.0).matrix();
 }
 
-Eigen::MatrixXd swellTemplate(double period_s, const Observation& o, const Eigen::VectorXd& force_n) {
-  const Eigen::Index n = o.time_s.size();
-  // Slope of the force over the way, from 2 s before to 2 s after: pulling further breaks off more ice. Where the force
-  // falls, a hoist that yields still unloads ice.
-  constexpr Eigen::Index kReach = 8;
-  const double pitch = 2.0 * std::acos(-1.0) / period_s, least_stiffness = 0.2 * force_n.cwiseAbs().maxCoeff();
-  Eigen::MatrixXd columns(n, 2);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const Eigen::Index before = std::max<Eigen::Index>(i - kReach, 0),
-                       after = std::min<Eigen::Index>(i + kReach, n - 1);
-    const double way = std::abs(o.travel_m[after] - o.travel_m[before]);
-    const double slope = way > 0.02 ? std::abs(force_n[after] - force_n[before]) / way : 0.0;
-    const double mass = std::max(force_n[i], 0.0) / kGravityMps2;
-    const double per_metre = std::max(slope, least_stiffness) - mass * pitch * pitch;
-    const double fade = computeFade(o.time_s[i] / kFadeInS).value;
-    columns(i, 0) = fade * per_metre * std::sin(pitch * o.time_s[i]);
-    columns(i, 1) = fade * per_metre * std::cos(pitch * o.time_s[i]);
+Eigen::MatrixXd swellResponse(const Eigen::MatrixXd& simulated, double simulated_period_s, double period_s,
+                              const Eigen::VectorXd& time_s, const Eigen::VectorXd& mass_kg) {
+  assert(simulated.cols() == 2 && simulated.rows() == time_s.size() && mass_kg.size() == time_s.size());
+  const double pitch = 2.0 * std::acos(-1.0) / period_s, simulated_pitch = 2.0 * std::acos(-1.0) / simulated_period_s;
+  Eigen::MatrixXd columns(simulated.rows(), 2);
+  for (Eigen::Index i = 0; i < columns.rows(); ++i) {
+    // sin(p' t) = sin(p t) cos((p' - p) t) + cos(p t) sin((p' - p) t), and the force answers to the swell of that
+    // moment. Its inertia grows with the square of the pitch.
+    const double time = time_s[i], turned = (pitch - simulated_pitch) * time;
+    const double sine = std::sin(turned), cosine = std::cos(turned);
+    const double inertia =
+        -computeFade(time / kFadeInS).value * mass_kg[i] * (pitch * pitch - simulated_pitch * simulated_pitch);
+    columns(i, 0) = simulated(i, 0) * cosine + simulated(i, 1) * sine + inertia * std::sin(pitch * time);
+    columns(i, 1) = simulated(i, 1) * cosine - simulated(i, 0) * sine + inertia * std::cos(pitch * time);
   }
   return columns;
 }

@@ -6,6 +6,7 @@
 #include <limits>
 #include <vector>
 
+#include <Eigen/Cholesky>
 #include <Eigen/SVD>
 
 #include "brash_ice_rig/config/broken_line.h"
@@ -17,13 +18,52 @@ double computeMatern32(double distance, double length) {
   return (1.0 + scaled) * std::exp(-scaled);
 }
 
-Eigen::VectorXd computeKnownDiscrepancy(const Discrepancy& d, const Observation& o, double peak_n) {
-  Eigen::VectorXd known = Eigen::VectorXd::Zero(o.time_s.size());
-  if (d.way_m.empty()) return known;
-  for (Eigen::Index i = 0; i < known.size(); ++i) {
-    if (o.time_s[i] > 0.0) known[i] = peak_n * valueOfBrokenLine(d.way_m, d.mean_share, o.way_m[i]);
+double computeLevel(const Eigen::VectorXd& force_n) {
+  constexpr double kOverS = 8.0;
+  const Eigen::Index count = std::min(static_cast<Eigen::Index>(kOverS / kBinS), force_n.size());
+  assert(count > 0);
+  double sum = force_n.head(count).sum(), largest = sum;
+  for (Eigen::Index i = count; i < force_n.size(); ++i) {
+    sum += force_n[i] - force_n[i - count];
+    largest = std::max(largest, sum);
   }
-  return known;
+  return largest / static_cast<double>(count);
+}
+
+Eigen::VectorXd computeKnownShare(const Discrepancy& d, const Eigen::VectorXd& time_s, const Eigen::VectorXd& way_m) {
+  assert(time_s.size() == way_m.size());
+  Eigen::VectorXd share = Eigen::VectorXd::Zero(time_s.size());
+  if (d.way_m.empty()) return share;
+  for (Eigen::Index i = 0; i < share.size(); ++i) {
+    if (time_s[i] > 0.0) share[i] = valueOfBrokenLine(d.way_m, d.mean_share, way_m[i]);
+  }
+  return share;
+}
+
+SimulatedForce correctKnownDiscrepancy(const Discrepancy& d, SimulatedForce force) {
+  if (d.way_m.empty()) return force;
+  const auto count = static_cast<Eigen::Index>(force.time_s.size());
+  const Eigen::VectorXd share = computeKnownShare(d, Eigen::Map<const Eigen::VectorXd>(force.time_s.data(), count),
+                                                  Eigen::Map<const Eigen::VectorXd>(force.way_m.data(), count));
+  const auto bin_count = std::max<Eigen::Index>(static_cast<Eigen::Index>(force.time_s.back() / kBinS), 1);
+  const Eigen::VectorXd bins =
+      (Eigen::VectorXd::LinSpaced(bin_count, 0.0, static_cast<double>(bin_count - 1)).array() + 0.5) * kBinS;
+  const double level = computeLevel(binned(force.time_s, force.force_n, bins));
+  Eigen::Map<Eigen::VectorXd>(force.force_n.data(), count) += level * share;
+  return force;
+}
+
+double computeIceFactor(const Discrepancy& d, const IceValues& ice, const IceValues& sigma) {
+  if (d.ice.empty()) return 1.0;
+  IceValues mean = IceValues::Zero();
+  for (const IceValues& reference : d.ice) mean += reference / static_cast<double>(d.ice.size());
+  Eigen::Matrix3d spread = Eigen::Matrix3d::Identity();
+  for (const IceValues& reference : d.ice) {
+    const IceValues off = (reference - mean).cwiseQuotient(sigma);
+    spread += off * off.transpose();
+  }
+  const IceValues off = (ice - mean).cwiseQuotient(sigma);
+  return 1.0 + off.dot(spread.llt().solve(off));
 }
 
 namespace {
@@ -76,6 +116,9 @@ Discrepancy learnDiscrepancy(const std::vector<ReferenceLift>& lifts, const Disc
   learned.sigma_share.clear();
   learned.modes_share.clear();
   learned.turn_way_m.clear();
+  learned.ice.clear();
+  learned.known_rest_share.reset();
+  for (const ReferenceLift& lift : lifts) learned.ice.push_back(lift.ice);
 
   // Means of each lift in each cell that all of them cover, and what is left in a cell.
   double covered = std::numeric_limits<double>::infinity();
@@ -152,6 +195,14 @@ Discrepancy learnDiscrepancy(const std::vector<ReferenceLift>& lifts, const Disc
     if (norms > 0.0) learned.length_m = findLength(product / norms, static_cast<double>(kLag) * kGridM);
   }
   if (rough_count > 0.0) learned.rough_share = std::sqrt(rough / rough_count);
+  // What is expected without references counts as one of them.
+  double squares = before.rest_share * before.rest_share, rests = 1.0;
+  for (const ReferenceLift& lift : lifts) {
+    if (!lift.rest_share) continue;
+    squares += *lift.rest_share * *lift.rest_share;
+    rests += 1.0;
+  }
+  if (rests > 2.0) learned.known_rest_share = std::sqrt(squares / rests);
 
   // A turn counts as known where all references have it.
   for (const double way : lifts.front().turn_way_m) {
@@ -204,17 +255,19 @@ Eigen::MatrixXd computeFormCovariance(const Discrepancy& d, const Observation& o
 Eigen::MatrixXd computeDiscrepancyCovariance(const Discrepancy& d, const Observation& o,
                                              const Eigen::VectorXd& ice_force_n, const Eigen::VectorXd& chaos_n) {
   const Eigen::Index n = o.time_s.size();
-  const double peak = ice_force_n.cwiseAbs().maxCoeff();
+  const double peak = ice_force_n.cwiseAbs().maxCoeff(), level = computeLevel(ice_force_n);
   Eigen::VectorXd place(n), smooth(n), rough(n), rest(n), turn = Eigen::VectorXd::Zero(n);
   for (Eigen::Index i = 0; i < n; ++i) {
     const bool moving = o.time_s[i] > 0.0;
     place[i] = placeOf(d, o, i);
     // References differ in the arrangement of their blocks, too.
     const double own = d.way_m.empty() ? std::hypot(d.share * ice_force_n[i], chaos_n[i])
-                                       : peak * valueOfBrokenLine(d.way_m, d.sigma_share, o.way_m[i]);
+                                       : level * valueOfBrokenLine(d.way_m, d.sigma_share, o.way_m[i]);
     smooth[i] = moving ? own + d.share_of_peak * peak : 0.0;
     rough[i] = moving ? d.rough_share * std::abs(ice_force_n[i]) : 0.0;
-    rest[i] = std::hypot(d.rest_share * peak, chaos_n[0]) * std::exp(-place[i] / d.rest_length_m);
+    const double at_rest =
+        d.known_rest_share ? *d.known_rest_share * level : std::hypot(d.rest_share * peak, chaos_n[0]);
+    rest[i] = at_rest * std::exp(-place[i] / d.rest_length_m);
   }
   Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(n, n);
   for (Eigen::Index i = 0; i < n; ++i) {
@@ -227,7 +280,7 @@ Eigen::MatrixXd computeDiscrepancyCovariance(const Discrepancy& d, const Observa
   for (const std::vector<double>& mode : d.modes_share) {
     Eigen::VectorXd curve = Eigen::VectorXd::Zero(n);
     for (Eigen::Index i = 0; i < n; ++i) {
-      if (o.time_s[i] > 0.0) curve[i] = peak * valueOfBrokenLine(d.way_m, mode, o.way_m[i]);
+      if (o.time_s[i] > 0.0) curve[i] = level * valueOfBrokenLine(d.way_m, mode, o.way_m[i]);
     }
     covariance.triangularView<Eigen::Lower>() += curve * curve.transpose();
   }

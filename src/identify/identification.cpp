@@ -33,6 +33,8 @@ constexpr std::size_t kConfirmed = 4;
 /// ln of the Bayes factor below which a straight line's verdict is final: a simulation would not make up for 5.
 constexpr double kWorthSimulating = 1.0;
 constexpr int kPasses = 2;
+/// Swell whose effect is simulated in order to know what others would do.
+constexpr double kSwellPeriodS = 6.0;
 /// Of a lateral channel every so many bins count.
 constexpr Eigen::Index kLateralThinning = 4;
 /// Where references say how far the simulator is off, nothing is known better than this share of the largest force.
@@ -93,9 +95,10 @@ struct Site {
   std::size_t record = 0;               ///< whose own unknowns it has
   std::optional<double> direction_rad;  ///< of a lateral channel, from x towards y
   Scenario scenario;                    ///< of the baseline as given
-  Eigen::VectorXd mean_n, chaos_n;
-  Eigen::VectorXd known_n;  ///< what the simulator is known to be off
-  Eigen::MatrixXd slopes;   ///< a column per unknown of the baseline that this record has: ice, gap, clock
+  Eigen::VectorXd mean_n, chaos_n;      ///< of the baseline as given, as simulated
+  Eigen::VectorXd known_share;          ///< what the simulator is known to be off, over the level of its force
+  Eigen::VectorXd start_n;              ///< the baseline as given with that
+  Eigen::MatrixXd slopes;               ///< a column per unknown of the baseline that this record has: ice, gap, clock
   Eigen::Index first_row = 0;
 
   const Observation& observation() const { return curves.observation; }
@@ -108,6 +111,16 @@ struct Site {
              std::sin(*direction_rad) * binned(f.time_s, f.force_y_n, at, delay_s);
     }
     return binned(f.time_s, curves.observation.ice_contact ? f.force_n : f.empty_force_n, at, delay_s);
+  }
+  /// The baseline as given, but as large as another one.
+  Eigen::VectorXd scaledTo(double level_n) const {
+    const double given = computeLevel(mean_n);
+    return given > 0.0 ? Eigen::VectorXd(level_n / given * mean_n) : mean_n;
+  }
+  /// A force in bins without what the simulator is known to be off.
+  Eigen::VectorXd uncorrected(const Eigen::VectorXd& force_n) const {
+    const double level = computeLevel(force_n - computeLevel(mean_n) * known_share);
+    return force_n - level * known_share;
   }
 };
 
@@ -148,11 +161,15 @@ class Chain {
   Scenario scenarioAt(const Site& site, const Eigen::VectorXd& x, const std::vector<const Variant*>& variants,
                       int seed) const;
   Eigen::Index unknowns() const { return kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(records_); }
+  SimulatedForce corrected(const std::string& key) const {
+    return correctKnownDiscrepancy(discrepancy_, runs_.force(key));
+  }
   SimulatedForce asRead(SimulatedForce force, const Scenario& scenario, const Eigen::VectorXd& x,
                         const std::vector<const Variant*>& variants) const;
   void addLateralSites();
   Eigen::MatrixXd lateralDiscrepancy(const Site& site) const;
   void simulateBaseline();
+  void setErrors(const Eigen::VectorXd& curve_n, const Eigen::VectorXd& x);
   void addVariants();
   void computeSignatures(const std::vector<const Variant*>& variants, const std::string& what);
   std::vector<std::string> requestSignature(const Site& site, const Variant& variant);
@@ -189,10 +206,12 @@ class Chain {
   Eigen::Index record_rows_ = 0;                 ///< of the records, without lateral channels
   std::vector<IceUnknown> ice_;
   std::vector<std::unique_ptr<Variant>> variants_;
+  std::unique_ptr<Variant> swell_;  ///< of kSwellPeriodS, from which those of other periods follow
   std::map<const Variant*, Eigen::MatrixXd> signatures_;
   std::map<const Variant*, double> located_log_odds_;  ///< of falls and swell: for having looked at many times
   Eigen::VectorXd data_;
   ErrorModel errors_;
+  double ice_factor_ = 1.0;  ///< that is in them
   Eigen::MatrixXd baseline_columns_;
   Eigen::VectorXd baseline_offset_;
   struct Predicted {
@@ -296,23 +315,27 @@ void Chain::simulateBaseline() {
         }
         continue;
       }
-      Eigen::MatrixXd forces(site.rows(), seeds);
+      Eigen::MatrixXd forces(site.rows(), seeds), corrected_forces(site.rows(), seeds);
       Eigen::VectorXd rate = Eigen::VectorXd::Zero(site.rows());
       for (int seed = 0; seed < seeds; ++seed) {
         const std::string& key = keys[i][static_cast<std::size_t>(seed)];
         if (runs_.failed(key))
           throw ConfigError("", "", "the simulation of this record's rig and ice freezes", site.curves.path);
-        forces.col(seed) = site.bins(runs_.force(key));
+        const SimulatedForce known = corrected(key);
         constexpr double kShiftS = 0.05;
-        rate +=
-            (site.bins(runs_.force(key), kShiftS) - site.bins(runs_.force(key), -kShiftS)) / (2.0 * kShiftS * seeds);
+        forces.col(seed) = site.bins(runs_.force(key));
+        corrected_forces.col(seed) = site.bins(known);
+        rate += (site.bins(known, kShiftS) - site.bins(known, -kShiftS)) / (2.0 * kShiftS * seeds);
       }
       site.mean_n = forces.rowwise().mean();
-      // What one arrangement of the blocks pushes aside, another does not: scatter, and no more.
-      if (site.direction_rad) site.mean_n.setZero();
-      site.known_n = Eigen::VectorXd::Zero(site.rows());
-      if (site.observation().ice_contact && !site.direction_rad) {
-        site.known_n = computeKnownDiscrepancy(discrepancy_, site.observation(), site.mean_n.maxCoeff());
+      site.start_n = corrected_forces.rowwise().mean();
+      site.known_share = Eigen::VectorXd::Zero(site.rows());
+      if (site.direction_rad) {
+        // What one arrangement of the blocks pushes aside, another does not: scatter, and no more.
+        site.mean_n.setZero();
+        site.start_n.setZero();
+      } else if (site.observation().ice_contact) {
+        site.known_share = computeKnownShare(discrepancy_, site.observation().time_s, site.observation().way_m);
       }
       site.chaos_n = Eigen::VectorXd::Zero(site.rows());
       if (seeds > 1) {
@@ -331,7 +354,8 @@ void Chain::simulateBaseline() {
         for (int seed = 1; seed <= kPairs; ++seed) {
           const std::string key = moved(i, slope.unknown, slope.step, seed);
           if (runs_.failed(key)) continue;
-          site.slopes.col(slope.column) += (site.bins(runs_.force(key)) - forces.col(seed - 1)) / (slope.step * kPairs);
+          site.slopes.col(slope.column) +=
+              (site.bins(corrected(key)) - corrected_forces.col(seed - 1)) / (slope.step * kPairs);
         }
       }
     }
@@ -339,6 +363,9 @@ void Chain::simulateBaseline() {
       if (!baseline_only_) addVariants();
       for (const auto& v : variants_) {
         for (const Site& site : sites_) requestSignature(site, *v);
+      }
+      if (swell_) {
+        for (const Site& site : sites_) requestSignature(site, *swell_);
       }
       runs_.makeMissing("baseline and what effects do");
     }
@@ -352,24 +379,44 @@ void Chain::simulateBaseline() {
     rows += site.rows();
     if (!site.direction_rad) record_rows_ = rows;
     data.push_back(site.observation().force_n);
-    offsets.push_back(site.mean_n + site.known_n);
+    offsets.push_back(site.start_n);
   }
   data_ = stacked(data);
   baseline_offset_ = stacked(offsets);
   baseline_columns_ = Eigen::MatrixXd::Zero(rows, unknowns());
-  errors_.noise = errors_.discrepancy = Eigen::MatrixXd::Zero(rows, rows);
   for (const Site& site : sites_) {
     baseline_columns_.block(site.first_row, 0, site.rows(), kIceUnknowns) = site.slopes.leftCols(kIceUnknowns);
     baseline_columns_.block(site.first_row, site.own(), site.rows(), kOwnUnknowns) =
         site.slopes.rightCols(kOwnUnknowns);
+  }
+  setErrors(baseline_offset_, Eigen::VectorXd::Zero(unknowns()));
+}
+
+/// What noise and simulator may be off, the latter for a force as large as this curve of the baseline and the ice of x.
+void Chain::setErrors(const Eigen::VectorXd& curve_n, const Eigen::VectorXd& x) {
+  IceValues ice, sigma;
+  for (Eigen::Index k = 0; k < kIceUnknowns; ++k) {
+    const IceUnknown& unknown = ice_[static_cast<std::size_t>(k)];
+    ice[k] = unknown.prior + x[k];
+    sigma[k] = unknown.sigma;
+  }
+  ice_factor_ = computeIceFactor(discrepancy_, ice, sigma);
+  errors_.noise = errors_.discrepancy = Eigen::MatrixXd::Zero(curve_n.size(), curve_n.size());
+  for (const Site& site : sites_) {
     errors_.noise.block(site.first_row, site.first_row, site.rows(), site.rows()) =
         computeNoiseCovariance(site.observation().noise, site.observation().time_s);
     if (!site.observation().ice_contact) continue;
     // A lateral channel says nothing of the scale of what the simulator is off in the lift.
-    (site.direction_rad ? errors_.noise : errors_.discrepancy)
-        .block(site.first_row, site.first_row, site.rows(), site.rows()) +=
-        site.direction_rad ? lateralDiscrepancy(site)
-                           : computeDiscrepancyCovariance(discrepancy_, site.observation(), site.mean_n, site.chaos_n);
+    if (site.direction_rad) {
+      errors_.noise.block(site.first_row, site.first_row, site.rows(), site.rows()) += lateralDiscrepancy(site);
+      continue;
+    }
+    // The shape of the baseline as given: where a refitted one touches the ice later, it would leave no allowance
+    // there.
+    const double level = computeLevel(site.uncorrected(curve_n.segment(site.first_row, site.rows())));
+    const Eigen::VectorXd ice_n = site.scaledTo(level);
+    errors_.discrepancy.block(site.first_row, site.first_row, site.rows(), site.rows()) =
+        ice_factor_ * computeDiscrepancyCovariance(discrepancy_, site.observation(), ice_n, site.chaos_n);
   }
 }
 
@@ -440,6 +487,9 @@ void Chain::addVariants() {
     for (Variant& variant : seen_sideways ? makeTilts(*lateral_direction_deg_) : makeVariants(effect, position)) {
       variants_.push_back(std::make_unique<Variant>(std::move(variant)));
     }
+    if (std::string(effect.name) == "vessel_heave" && sites_.front().observation().ice_contact) {
+      swell_ = std::make_unique<Variant>(makeSwell({kSwellPeriodS}));
+    }
   }
 }
 
@@ -469,10 +519,10 @@ Eigen::MatrixXd Chain::signature(const Site& site, const Variant& v) {
   const auto count = static_cast<Eigen::Index>(v.amplitudes.size());
   Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(site.rows(), count);
   if (site.direction_rad && !v.effect->acts_sideways) return columns;
-  const auto plain = [&](int seed) -> const SimulatedForce& {
+  const auto plain = [&](int seed) {
     Scenario s = site.scenario;
     s.field.seed = static_cast<std::uint64_t>(site.observation().ice_contact ? seed : 1);
-    return runs_.force(runs_.request(s));
+    return corrected(runs_.request(s));
   };
   const std::vector<std::string> keys = requestSignature(site, v);
   for (Eigen::Index k = 0; k < count; ++k) {
@@ -487,7 +537,7 @@ Eigen::MatrixXd Chain::signature(const Site& site, const Variant& v) {
         columns.col(k) += (site.bins(throughLoadCell(values, site.scenario, plain(seed))) - before) / (step * kPairs);
       } else if (!keys.empty()) {
         const std::string& key = keys[static_cast<std::size_t>(k * kPairs + seed - 1)];
-        if (!runs_.failed(key)) columns.col(k) += (site.bins(runs_.force(key)) - before) / (step * kPairs);
+        if (!runs_.failed(key)) columns.col(k) += (site.bins(corrected(key)) - before) / (step * kPairs);
       }
     }
   }
@@ -652,15 +702,14 @@ void Chain::locate(const Model& start, const std::string& what) {
   std::vector<const Variant*> added;
   std::vector<double> places;
   double log_odds = 0.0;
-  const EffectsConfig& enabled = sites_.front().scenario.effects;
-  const auto isOn = [&](const char* name) { return EffectsConfig(enabled)[name].enabled; };
+  const bool falls = !EffectsConfig(sites_.front().scenario.effects)["block_drop"].enabled;
   const auto add = [&](Variant variant) {
     variants_.push_back(std::make_unique<Variant>(std::move(variant)));
     located_log_odds_[variants_.back().get()] = log_odds;
     added.push_back(variants_.back().get());
   };
   const Site& site = sites_.front();
-  if (!isOn("block_drop")) {
+  if (falls) {
     constexpr double kGridS = 0.5;
     std::vector<double> times;
     const double end = site.observation().time_s[site.rows() - 1];
@@ -671,7 +720,7 @@ void Chain::locate(const Model& start, const std::string& what) {
       add(makeFalls(places));
     }
   }
-  if (!isOn("vessel_heave")) {
+  if (swell_) {
     constexpr double kShortestS = 3.0, kLongestS = 14.0, kRatio = 1.06, kStepsPerS = 20.0;
     std::vector<double> periods;
     for (int k = 0;; ++k) {
@@ -679,8 +728,14 @@ void Chain::locate(const Model& start, const std::string& what) {
       if (period >= kLongestS) break;
       periods.push_back(std::round(period * kStepsPerS) / kStepsPerS);
     }
-    const auto columns = [&](double period) { return swellTemplate(period, site.observation(), site.mean_n); };
-    if (findPlaces(start, periods, makeSwell({6.0}).amplitudes[0], columns, places, log_odds) > 0.0) {
+    const Eigen::MatrixXd response = signatures_.at(swell_.get()).middleRows(site.first_row, site.rows());
+    const CollectorConfig& rig = site.scenario.collector;
+    const Eigen::VectorXd mass_kg = site.mean_n.cwiseMax(0.0).array() / kGravityMps2 + rig.mass_kg + rig.pole_mass_kg;
+    const auto columns = [&](double period) {
+      return swellResponse(response, kSwellPeriodS, period, site.observation().time_s, mass_kg);
+    };
+    if (!response.isZero() &&
+        findPlaces(start, periods, makeSwell({6.0}).amplitudes[0], columns, places, log_odds) > 0.0) {
       add(makeSwell(places));
     }
   }
@@ -725,9 +780,9 @@ std::optional<Eigen::VectorXd> Chain::simulated(const Model& model, const Eigen:
       const std::string key = runs_.request(s);
       if (request_only) continue;
       if (runs_.failed(key)) return std::nullopt;
-      mean += site.bins(asRead(runs_.force(key), s, x, model.variants), delay) / seeds;
+      mean += site.bins(asRead(corrected(key), s, x, model.variants), delay) / seeds;
     }
-    parts.push_back(mean + site.known_n);
+    parts.push_back(mean);
   }
   return stacked(parts);
 }
@@ -785,9 +840,16 @@ Explanation Chain::explain(const Model& model, const Model& baseline, const Dete
   e.confirmed = model.simulated;
   // The baseline's evidence has changed since those were screened that nobody simulated.
   e.log_bayes_factor = model.simulated ? score(model) - baseline.fit.log_evidence : model.screened;
-  const double before = chi2PerBin(baseline), excess = before - 1.0;
   e.chi2_per_bin = chi2PerBin(model);
-  e.explained_ratio = excess > 0.0 ? (before - e.chi2_per_bin) / excess : kNaN;
+  // What moves the rig sideways shows in the lateral channels first.
+  const bool sideways = std::any_of(model.variants.begin(), model.variants.end(),
+                                    [](const Variant* v) { return v->effect->acts_sideways; });
+  const Eigen::Index lateral_rows = data_.size() - record_rows_;
+  const bool seen_sideways =
+      sideways && baseline.fit.whitened.tail(lateral_rows).squaredNorm() > static_cast<double>(lateral_rows);
+  const Eigen::Index rows = seen_sideways ? data_.size() : record_rows_;
+  const double before = baseline.fit.whitened.head(rows).squaredNorm(), excess = before - static_cast<double>(rows);
+  e.explained_ratio = excess > 0.0 ? (before - model.fit.whitened.head(rows).squaredNorm()) / excess : kNaN;
   e.portmanteau_p = computeLjungBox(whitened(model), kPortmanteauLags);
   const Eigen::VectorXd x = model.simulated ? model.x : model.fit.x;
   e.detectability = detectability.of(model.effect_columns * x.tail(model.effect_columns.cols()));
@@ -874,19 +936,19 @@ double bestDelay(const Site& site, const std::vector<SimulatedForce>& forces) {
 /// ice is a matter of the spot.
 void Chain::evaluateHoldout(const Model& baseline, const std::vector<Model>& models, Identification& result) {
   Site site = makeSite(*input_.holdout);
+  Model given;
+  given.x = Eigen::VectorXd::Zero(unknowns());
+  given.simulated = true;
   const auto forcesOf = [&](const Model& model, bool request_only) {
     std::vector<SimulatedForce> forces;
     for (int seed = 1; seed <= kPairs; ++seed) {
       const Scenario s = scenarioAt(site, model.x, model.variants, seed);
       const std::string key = runs_.request(s);
       if (request_only || runs_.failed(key)) continue;
-      forces.push_back(asRead(runs_.force(key), s, model.x, model.variants));
+      forces.push_back(&model == &given ? runs_.force(key) : asRead(corrected(key), s, model.x, model.variants));
     }
     return forces;
   };
-  Model given;
-  given.x = Eigen::VectorXd::Zero(unknowns());
-  given.simulated = true;
   std::vector<const Model*> all{&given, &baseline};
   // What the evidence speaks against needs no prediction.
   for (std::size_t k = 0; k < models.size(); ++k) {
@@ -901,15 +963,19 @@ void Chain::evaluateHoldout(const Model& baseline, const std::vector<Model>& mod
     const double delay = bestDelay(site, forces);
     Eigen::VectorXd mean = Eigen::VectorXd::Zero(site.rows());
     for (const SimulatedForce& force : forces) mean += site.bins(force, delay) / static_cast<double>(forces.size());
-    if (model == &given) site.known_n = computeKnownDiscrepancy(discrepancy_, site.observation(), mean.maxCoeff());
-    curves[model] = model == &given ? mean : Eigen::VectorXd(mean + site.known_n);
+    curves[model] = mean;
   }
-  if (curves.count(&given) == 0) return;
+  if (curves.count(&given) == 0 || curves.count(&baseline) == 0) return;
   site.mean_n = curves[&given];
   site.chaos_n = Eigen::VectorXd::Zero(site.rows());
-  const Eigen::MatrixXd covariance =
-      computeNoiseCovariance(site.observation().noise, site.observation().time_s) +
-      computeDiscrepancyCovariance(discrepancy_, site.observation(), site.mean_n, site.chaos_n);
+  site.known_share = Eigen::VectorXd::Zero(site.rows());
+  Eigen::MatrixXd covariance = computeNoiseCovariance(site.observation().noise, site.observation().time_s);
+  if (site.observation().ice_contact) {
+    site.known_share = computeKnownShare(discrepancy_, site.observation().time_s, site.observation().way_m);
+    const double level = computeLevel(site.uncorrected(curves[&baseline]));
+    covariance += ice_factor_ *
+                  computeDiscrepancyCovariance(discrepancy_, site.observation(), site.scaledTo(level), site.chaos_n);
+  }
   const auto errorOf = [&](const Model* model) {
     return curves.count(model) == 0 ? CurveError() : computeError(site.observation(), curves[model], covariance);
   };
@@ -965,10 +1031,8 @@ void Chain::addDetectable(Identification& result, const Detectability& detectabi
       add(effect, makeFalls({late}).amplitudes[0], column);
       continue;
     }
-    if (name == "vessel_heave" && site.observation().ice_contact) {
-      Eigen::VectorXd column = Eigen::VectorXd::Zero(data_.size());
-      column.segment(site.first_row, site.rows()) = swellTemplate(6.0, site.observation(), site.mean_n).col(0);
-      add(effect, makeSwell({6.0}).amplitudes[0], column);
+    if (name == "vessel_heave" && swell_) {
+      add(effect, swell_->amplitudes[0], signatures_.at(swell_.get()).col(0));
       continue;
     }
     std::vector<const Variant*> own;
@@ -1009,16 +1073,23 @@ std::optional<ReferenceLift> Chain::reference(bool simulate) {
   const Site& site = sites_.front();
   if (!site.observation().ice_contact) return {};
   Model baseline = linear({});
-  if (simulate) confirm({&baseline}, "reference " + site.curves.path);
+  if (simulate) {
+    confirm({&baseline}, "reference " + site.curves.path);
+    setErrors(baseline.simulated ? baseline.curve_n : baseline.fit.mean, clipped(baseline, baseline.fit.x));
+    refit(baseline);
+  }
   ReferenceLift lift;
-  const Eigen::VectorXd left = data_ - baseline.fit.mean + site.known_n;
-  const double peak = site.mean_n.maxCoeff();
-  for (Eigen::Index i = 0; i < site.rows(); ++i) {
-    if (site.observation().time_s[i] <= 0.0) continue;
+  const Eigen::VectorXd simulated_n = site.uncorrected(baseline.fit.mean), left = data_ - simulated_n;
+  const double level = computeLevel(simulated_n);
+  const Eigen::Index at_rest = (site.observation().time_s.array() <= 0.0).count();
+  if (at_rest > 0) lift.rest_share = left.head(at_rest).mean() / level;
+  for (Eigen::Index i = at_rest; i < site.rows(); ++i) {
     lift.way_m.push_back(site.observation().way_m[i]);
-    lift.residual_share.push_back(left[i] / peak);
+    lift.residual_share.push_back(left[i] / level);
   }
   lift.turn_way_m = findTurns(site.observation().path);
+  const Eigen::VectorXd x = clipped(baseline, baseline.fit.x);
+  for (Eigen::Index k = 0; k < kIceUnknowns; ++k) lift.ice[k] = ice_[static_cast<std::size_t>(k)].prior + x[k];
   return lift;
 }
 
@@ -1034,6 +1105,7 @@ Identification Chain::run() {
   {
     std::vector<const Variant*> all;
     for (const auto& v : variants_) all.push_back(v.get());
+    if (swell_) all.push_back(swell_.get());
     computeSignatures(all, "what effects do");
   }
   // Slopes are rough: the baseline is simulated where they lead before anything else is fitted around it.
@@ -1041,6 +1113,8 @@ Identification Chain::run() {
   confirm({&baseline}, "baseline refitted");
   if (baseline.frozen) throw ConfigError("", "", "the simulation of the refitted ice freezes", input_.records[0].path);
   baseline_offset_ = baseline.offset;
+  setErrors(baseline.curve_n, baseline.x);
+  refit(baseline);
   if (!input_.screen_only) locate(baseline, "falls and swell");
 
   // Each effect in its best shape; what the other shapes say of it counts as well.
@@ -1090,6 +1164,7 @@ Identification Chain::run() {
   result.chi2_per_bin = chi2PerBin(baseline);
   result.portmanteau_p = computeLjungBox(whitened(baseline), kPortmanteauLags);
   result.kappa = baseline.fit.kappa;
+  result.ice_factor = ice_factor_;
   decide(result, sites_.front().curves.report, thresholds_);
 
   // The curves, for the explanation that was accepted.

@@ -192,7 +192,8 @@ std::string toJson(const Identification& id, const Thresholds& t) {
                          {"form_length_m", d.form_length_m},
                          {"rest_share", d.rest_share},
                          {"rest_length_m", d.rest_length_m},
-                         {"creep_mps", d.creep_mps}};
+                         {"creep_mps", d.creep_mps},
+                         {"ice_factor", id.ice_factor}};
   json["runs"] = {{"needed", id.runs_needed}, {"made", id.runs_made}, {"wall_s", id.wall_s}};
   json["series"] = seriesJson(first);
   json["holdout_series"] = nullptr;

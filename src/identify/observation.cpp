@@ -5,8 +5,11 @@
 #include <cmath>
 #include <numeric>
 
+#include <Eigen/Cholesky>
+
 #include "brash_ice_rig/config/broken_line.h"
 #include "brash_ice_rig/config/csv.h"
+#include "brash_ice_rig/identify/covariance.h"
 
 namespace brash_ice_rig {
 namespace {
@@ -139,33 +142,57 @@ HoistPath fitPath(const std::vector<double>& t, const std::vector<double>& p, co
   return path;
 }
 
-/// From the bins at rest: scatter within them is white, what is left between them is slow. A short stretch hides slow
-/// noise, so there is at least half as much of it as one sample scatters, and at most
-/// 2.5 times that.
-ForceNoise estimateNoise(const std::vector<std::vector<double>>& rest_bins, double sigma_n) {
+/// ln of the likelihood of means at rest whose own mean is unknown: every value of it is as likely.
+double logLikelihoodAtRest(const ForceNoise& noise, const Eigen::VectorXd& means, const Eigen::VectorXd& time_s) {
+  const Eigen::LLT<Eigen::MatrixXd> factor(computeNoiseCovariance(noise, time_s));
+  const Eigen::VectorXd y = factor.matrixL().solve(means);
+  const Eigen::VectorXd one = factor.matrixL().solve(Eigen::VectorXd::Ones(means.size()));
+  const double along = y.dot(one) / one.squaredNorm();
+  return -factor.matrixLLT().diagonal().array().log().sum() - 0.5 * std::log(one.squaredNorm()) -
+         0.5 * (y - along * one).squaredNorm();
+}
+
+/// From the bins at rest: scatter within them is white, what is left between them is slow. A few seconds show little of
+/// what changes within half a minute, so the slow part is that of Bayes' rule: its variance, mean over what is likely,
+/// where 0.7 times as much as one sample scatters is expected, give or take half of that. Much more than that is no
+/// noise of a sensor: swell moves a rig that touches the ice.
+ForceNoise estimateNoise(const std::vector<double>& rest_time_s, const std::vector<std::vector<double>>& rest_bins,
+                         double sigma_n) {
+  constexpr double kExpected = 0.7, kLogSigma = 0.5, kLeast = 0.25, kMost = 2.5;
   double within = 0.0, samples = 0.0, bins = 0.0;
-  std::vector<double> means;
-  for (const std::vector<double>& bin : rest_bins) {
+  std::vector<double> means, times;
+  for (std::size_t k = 0; k < rest_bins.size(); ++k) {
+    const std::vector<double>& bin = rest_bins[k];
     if (bin.size() < 2) continue;
     const double mean = std::accumulate(bin.begin(), bin.end(), 0.0) / static_cast<double>(bin.size());
     for (const double value : bin) within += (value - mean) * (value - mean);
     samples += static_cast<double>(bin.size() - 1);
     bins += static_cast<double>(bin.size());
     means.push_back(mean);
+    times.push_back(rest_time_s[k]);
   }
   const double fallback = std::isfinite(sigma_n) ? sigma_n : 0.0;
   ForceNoise noise{fallback, fallback};
-  if (means.size() >= 4 && samples > 0.0) {
-    const double per_bin = bins / static_cast<double>(means.size());
-    noise.white_n = std::sqrt(within / samples / per_bin);
-    const double centre = std::accumulate(means.begin(), means.end(), 0.0) / static_cast<double>(means.size());
-    double between = 0.0;
-    for (const double mean : means) between += (mean - centre) * (mean - centre);
-    between /= static_cast<double>(means.size() - 1);
+  if (means.size() >= 4 && within > 0.0) {
     const double sample = std::sqrt(within / samples);
-    // Much more than that is no noise of a sensor: swell moves a rig that touches the ice.
-    noise.slow_n =
-        std::sqrt(std::clamp(between - noise.white_n * noise.white_n, 0.25 * sample * sample, 6.25 * sample * sample));
+    noise.white_n = sample / std::sqrt(bins / static_cast<double>(means.size()));
+    const auto count = static_cast<Eigen::Index>(means.size());
+    const Eigen::Map<const Eigen::VectorXd> y(means.data(), count), t(times.data(), count);
+    std::vector<double> ratios, weights;
+    constexpr int kSteps = 40;
+    for (int k = 0; k <= kSteps; ++k) {
+      const double log_ratio = std::log(kLeast) + std::log(kMost / kLeast) * k / kSteps;
+      const double off = (log_ratio - std::log(kExpected)) / kLogSigma;
+      ratios.push_back(std::exp(log_ratio));
+      weights.push_back(logLikelihoodAtRest({noise.white_n, ratios.back() * sample}, y, t) - 0.5 * off * off);
+    }
+    const double top = *std::max_element(weights.begin(), weights.end());
+    double sum = 0.0, square = 0.0;
+    for (std::size_t k = 0; k < ratios.size(); ++k) {
+      sum += std::exp(weights[k] - top);
+      square += std::exp(weights[k] - top) * ratios[k] * ratios[k];
+    }
+    noise.slow_n = sample * std::sqrt(square / sum);
   }
   noise.white_n = std::max(noise.white_n, 1.0);  // a synthetic record without any
   noise.slow_n = std::max(noise.slow_n, 1.0);
@@ -210,9 +237,13 @@ Observation makeObservation(const Record& record, const RecordReport& report) {
   std::vector<double> time, force, way;
   std::vector<Eigen::Vector2d> sideways;
   std::vector<std::vector<double>> rest;
+  std::vector<double> rest_time;
   for (std::size_t k = 0; k < bins.size(); ++k) {
     const double middle = (static_cast<double>(low + static_cast<long>(k)) + 0.5) * kBinS;
-    if (middle < -0.5) rest.push_back(bins[k]);
+    if (middle < -0.5) {
+      rest.push_back(bins[k]);
+      rest_time.push_back(middle);
+    }
     if (bins[k].empty()) continue;
     time.push_back(middle);
     force.push_back(std::accumulate(bins[k].begin(), bins[k].end(), 0.0) / static_cast<double>(bins[k].size()));
@@ -237,23 +268,29 @@ Observation makeObservation(const Record& record, const RecordReport& report) {
     travel.push_back(travel.back() + std::abs(o.path.height_m[k] - o.path.height_m[k - 1]));
   }
   for (Eigen::Index i = 0; i < count; ++i) o.travel_m[i] = valueOfBrokenLine(o.path.time_s, travel, o.time_s[i]);
-  o.noise = estimateNoise(rest, report.noise_sigma_n);
+  o.noise = estimateNoise(rest_time, rest, report.noise_sigma_n);
   return o;
 }
 
 SimulatedForce readSimulatedForce(const std::string& directory) {
   const std::string path = directory + "/force.csv";
-  const CsvTable table = readCsv(path, {"time_s", "force_n", "weight_n", "buoyancy_n", "force_x_n", "force_y_n"});
+  const CsvTable table =
+      readCsv(path, {"time_s", "force_n", "weight_n", "buoyancy_n", "force_x_n", "force_y_n", "hoist_position_m"});
   for (const auto& column : table.columns) {
-    if (!column) throw ConfigError("", "", "lacks a column of time, force, weight, buoyancy or lateral force", path);
+    if (!column) {
+      throw ConfigError("", "", "lacks a column of time, force, weight, buoyancy, lateral force or position", path);
+    }
   }
   SimulatedForce force;
   const std::vector<double>&time = *table.columns[0], &reading = *table.columns[1], &weight = *table.columns[2],
-        &buoyancy = *table.columns[3];
+        &buoyancy = *table.columns[3], &height = *table.columns[6];
   const double empty = weight.front() - buoyancy.front();
+  double start_m = 0.0;
   for (std::size_t i = 0; i < time.size(); ++i) {
     if (time[i] < -1e-6) continue;
+    if (force.time_s.empty()) start_m = height[i];
     force.time_s.push_back(time[i]);
+    force.way_m.push_back(height[i] - start_m);
     force.force_n.push_back(reading[i] - empty);
     force.empty_force_n.push_back(weight[i] - buoyancy[i] - empty);
     force.force_x_n.push_back((*table.columns[4])[i]);

@@ -187,6 +187,11 @@ void describe(Identification& result, const Thresholds& thresholds) {
                    shortNumber(thresholds.chi2_per_bin) + "), portmanteau p = " + shortNumber(result.portmanteau_p) +
                    ".");
   }
+  constexpr double kUnlikeReferences = 1.5;
+  if (result.ice_factor > kUnlikeReferences) {
+    text.push_back("The fitted ice is unlike that of the references. What the model is off there is known less well: " +
+                   shortNumber(result.ice_factor) + " times the variance is allowed for.");
+  }
   const auto propose = [&](const std::string& name, std::vector<std::string> separates) {
     const EffectDescription* effect = findEffect(name);
     if (effect == nullptr || std::string(effect->how_to_tell).empty()) return;

@@ -183,6 +183,39 @@ TEST(Covariance, ReferencesTeachTheirMeanAndScatter) {
   EXPECT_NEAR(learned.rough_share, 0.0, 1e-9);
 }
 
+TEST(Covariance, WhatTheSimulatorIsOffGoesWithTheCollectorNotWithTheHoist) {
+  // References: right up to 1 m, then 10 % too little. The collector stands at 0.9 m for a while, as on a rope that
+  // stretches.
+  Discrepancy d;
+  d.way_m = {1.0, 1.1};
+  d.mean_share = {0.0, 0.1};
+  SimulatedForce force;
+  for (int i = 0; i <= 200; ++i) {
+    const double time = 0.05 * i;
+    force.time_s.push_back(time);
+    force.force_n.push_back(2000.0);
+    force.way_m.push_back(time < 4.0 ? 0.225 * time : time < 6.0 ? 0.9 : 0.9 + 0.2 * (time - 6.0));
+  }
+  const SimulatedForce corrected = correctKnownDiscrepancy(d, force);
+  EXPECT_EQ(corrected.force_n[119], 2000.0) << "0.9 m";
+  EXPECT_NEAR(corrected.force_n[135], 2000.0 + 2000.0 * 0.05, 1e-9) << "6.75 s, 1.05 m";
+  EXPECT_NEAR(corrected.force_n[200], 2200.0, 1e-9) << "1.7 m";
+  EXPECT_EQ(correctKnownDiscrepancy(Discrepancy(), force).force_n, force.force_n) << "without references";
+  const Eigen::VectorXd share = computeKnownShare(d, Eigen::Vector2d(0.0, 0.1), Eigen::Vector2d(1.2, 1.2));
+  EXPECT_EQ(share[0], 0.0) << "before the motion";
+  EXPECT_EQ(share[1], 0.1);
+}
+
+TEST(Covariance, IceUnlikeTheReferencesIsPredictedLessWell) {
+  Discrepancy d;
+  const IceValues sigma(0.06, 100.0, 5.0);
+  EXPECT_EQ(computeIceFactor(d, IceValues(0.4, 900.0, 20.0), sigma), 1.0) << "without references";
+  d.ice = {{0.55, 200.0, 50.0}, {0.65, 200.0, 50.0}};
+  EXPECT_NEAR(computeIceFactor(d, IceValues(0.6, 200.0, 50.0), sigma), 1.0, 1e-12);
+  // 1 + 1 / (1 + 2 (5/6)²) + 1: one deviation in a direction in which the references differ, one where they do not.
+  EXPECT_NEAR(computeIceFactor(d, IceValues(0.66, 300.0, 50.0), sigma), 2.4186046511627906, 1e-9);
+}
+
 TEST(Covariance, OneReferenceSaysNothingOfTheScatter) {
   Discrepancy before;
   before.share = 0.07;
@@ -218,6 +251,36 @@ TEST(Covariance, WhatReferencesHaveInCommonBecomesAModeAndTheRestIsSmall) {
   EXPECT_LT(learned.sigma_share[last], 1e-6) << "the others predict a lift but for its multiple";
   // The ripple of 0.3 % in cells of four: 4 * 0.003^2 over 3 degrees of freedom.
   EXPECT_NEAR(learned.rough_share, 0.003 * std::sqrt(4.0 / 3.0), 2e-4);
+}
+
+TEST(Covariance, LevelIsTheLargestMeanOverEightSeconds) {
+  // Swell of 8 s leaves it as it is; a peak of one bin adds a 32nd.
+  Eigen::VectorXd force(120);
+  for (Eigen::Index i = 0; i < 120; ++i) force[i] = 3000.0 + 500.0 * std::sin(6.283185307179586 * 0.25 * i / 8.0);
+  EXPECT_NEAR(computeLevel(force), 3000.0, 1e-9);
+  EXPECT_NEAR(computeLevel(Eigen::Vector2d(100.0, 300.0)), 200.0, 1e-12);
+  Eigen::VectorXd peak = Eigen::VectorXd::Zero(120);
+  peak[60] = 3200.0;
+  EXPECT_NEAR(computeLevel(peak), 100.0, 1e-12);
+}
+
+TEST(Covariance, ForceAtRestIsAsFarOffAsReferencesAreThere) {
+  std::vector<ReferenceLift> lifts = {makeReference(0.01, 0.0), makeReference(0.02, 0.0)};
+  lifts[0].rest_share = 0.003;
+  lifts[1].rest_share = -0.004;
+  Observation o;
+  o.time_s = Eigen::Vector3d(-1.0, -0.5, 0.5);
+  o.way_m = o.travel_m = Eigen::Vector3d(0.0, 0.0, 0.02);
+  o.path = {{0.0, 10.0}, {0.0, 0.5}};
+  const Discrepancy learned = learnDiscrepancy(lifts, Discrepancy());
+  const Eigen::Vector3d ice(0.0, 0.0, 8000.0), chaos(500.0, 500.0, 500.0);
+  const Eigen::MatrixXd k = computeDiscrepancyCovariance(learned, o, ice, chaos);
+  // With the 1 % of before as a third lift; the level is the mean of the three bins.
+  const double level = 8000.0 / 3.0, square = (0.003 * 0.003 + 0.004 * 0.004 + 0.01 * 0.01) / 3.0;
+  EXPECT_NEAR(k(0, 1), level * level * square, 1e-6);
+  lifts[0].rest_share.reset();
+  EXPECT_FALSE(learnDiscrepancy(lifts, Discrepancy()).known_rest_share) << "one says nothing of the scatter";
+  EXPECT_GT(computeDiscrepancyCovariance(Discrepancy(), o, ice, chaos)(0, 1), 500.0 * 500.0) << "without references";
 }
 
 TEST(Covariance, TurnsCountAsKnownWhereAllReferencesHaveThem) {

@@ -1,6 +1,7 @@
 #include "brash_ice_rig/identify/observation.h"
 
 #include <cmath>
+#include <random>
 
 #include <gtest/gtest.h>
 
@@ -55,6 +56,35 @@ TEST(Observation, BinsAreMeansWithoutTareAndNoiseIsThatOfTheRest) {
   // 12 or 13 samples a bin at 50 Hz.
   EXPECT_NEAR(o.noise.white_n, 50.0 / std::sqrt(12.5), 2.0);
   EXPECT_NEAR(o.time_s[1] - o.time_s[0], kBinS, 1e-12);
+}
+
+TEST(Observation, SlowNoiseIsFoundAlthoughAFewSecondsShowLittleOfIt) {
+  // Noise after the model that is fitted: Gauss-Markov processes of 0.5, 4 and 30 s in equal parts. Over 6 s the last
+  // one hardly leaves the place where it begins.
+  for (const double slow_n : {50.0, 150.0}) {
+    double square = 0.0;
+    constexpr int kRecords = 40;
+    for (int seed = 1; seed <= kRecords; ++seed) {
+      RecordRecipe recipe;
+      recipe.seed = static_cast<unsigned>(seed);
+      recipe.white_noise_n = 70.0;
+      recipe.slow_noise_n = 0.0;
+      Record record = makeRecord(recipe);
+      std::mt19937_64 generator(static_cast<unsigned>(100 + seed));
+      std::normal_distribution<double> normal;
+      for (const double time_s : {0.5, 4.0, 30.0}) {
+        const double sigma = slow_n / std::sqrt(3.0), keep = std::exp(-0.02 / time_s);
+        double slow = sigma * normal(generator);
+        for (double& force : record.force_n) {
+          force += slow;
+          slow = keep * slow + std::sqrt(1.0 - keep * keep) * sigma * normal(generator);
+        }
+      }
+      const double found = makeObservation(record, checkRecord(record)).noise.slow_n;
+      square += found * found / kRecords;
+    }
+    EXPECT_NEAR(std::sqrt(square) / slow_n, 1.0, 0.25) << slow_n;
+  }
 }
 
 TEST(Observation, MeanOverABinIsTheIntegralOfTheBrokenLine) {
@@ -122,7 +152,7 @@ TEST(Candidates, AmplitudesStayWhereTheyCanBeSimulated) {
 
 TEST(Candidates, TiltSeenSidewaysGoesBothWaysAlongItsDirection) {
   const std::vector<Variant> tilts = makeTilts(30.0);
-  ASSERT_EQ(tilts.size(), 4u);  // drift, and sway of three periods
+  ASSERT_EQ(tilts.size(), 7u);  // drift, sway of four periods, drift with the two longer ones
   EffectsConfig effects;
   EffectValues& values = effects["pole_tilt"];
   tilts[0].apply(values, Eigen::VectorXd::Constant(1, -0.004));
@@ -130,7 +160,7 @@ TEST(Candidates, TiltSeenSidewaysGoesBothWaysAlongItsDirection) {
   EXPECT_DOUBLE_EQ(values["drift_mps"], 0.004);
   EXPECT_DOUBLE_EQ(values["direction_deg"], -150.0);
   EXPECT_EQ(values["sway_m"], 0.0);
-  tilts[2].apply(values, Eigen::VectorXd::Constant(1, 0.1));
+  tilts[2].apply(values, Eigen::VectorXd::Constant(1, 0.1));  // the second sway
   EXPECT_DOUBLE_EQ(values["sway_m"], 0.1);
   EXPECT_DOUBLE_EQ(values["direction_deg"], 30.0);
   EXPECT_DOUBLE_EQ(values["sway_period_s"], 15.0);
@@ -141,6 +171,32 @@ TEST(Candidates, TiltSeenSidewaysGoesBothWaysAlongItsDirection) {
   const auto told = tilts[0].estimate(Eigen::VectorXd::Constant(1, -0.004), Eigen::MatrixXd::Constant(1, 1, 1e-6));
   EXPECT_DOUBLE_EQ(told[0].value, 0.004);
   EXPECT_DOUBLE_EQ(told[1].value, -150.0);
+  // Both together: the way at any time is minus the one with both signs turned.
+  const Variant& both = tilts.back();
+  ASSERT_EQ(both.amplitudes.size(), 2u);
+  both.apply(values, Eigen::Vector2d(0.006, -0.12));
+  EXPECT_DOUBLE_EQ(values["drift_mps"], -0.006);
+  EXPECT_DOUBLE_EQ(values["sway_m"], 0.12);
+  EXPECT_DOUBLE_EQ(values["direction_deg"], -150.0);
+  EXPECT_NEAR(values["sway_period_s"], 15.0 * std::exp(1.0), 1e-12);
+  EXPECT_DOUBLE_EQ(both.estimate(Eigen::Vector2d(0.006, -0.12), Eigen::Matrix2d::Identity())[1].value, 0.12);
+}
+
+TEST(Candidates, SwellOfOnePeriodTellsWhatAnotherWouldDo) {
+  // A mass of 200 kg on a spring of 9 kN/m that is moved up and down: F = k u + m u'', both in closed form.
+  constexpr double kStiffness = 9000.0, kMass = 200.0, kTurn = 6.283185307179586;
+  const Eigen::VectorXd time = Eigen::VectorXd::LinSpaced(120, 2.125, 31.875);  // after the swell has come up
+  const auto moved = [&](double period_s) {
+    const double pitch = kTurn / period_s, per_metre = kStiffness - kMass * pitch * pitch;
+    Eigen::MatrixXd columns(120, 2);
+    columns.col(0) = per_metre * (pitch * time.array()).sin();
+    columns.col(1) = per_metre * (pitch * time.array()).cos();
+    return columns;
+  };
+  for (const double period_s : {3.0, 6.0, 10.0}) {
+    const Eigen::MatrixXd found = swellResponse(moved(6.0), 6.0, period_s, time, Eigen::VectorXd::Constant(120, kMass));
+    EXPECT_LT((found - moved(period_s)).cwiseAbs().maxCoeff(), 1.0) << period_s;
+  }
 }
 
 TEST(Candidates, LoadCellActsOnTheForceAboveTheEmptyRig) {

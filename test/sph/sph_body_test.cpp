@@ -673,11 +673,15 @@ double largestConcentration(const SphBody& sph) {
   return largest;
 }
 
-TEST(SphBody, ACrowdSpreads) {
-  // Two blocks in the same place, the second a little aside: what is left of ice that was pressed through itself.
+/// Two blocks in the same place, the second a little aside: what is left of ice that was pressed through itself.
+std::vector<Eigen::Vector3d> makeCrowd() {
   std::vector<Eigen::Vector3d> points = block(4, 4, 4, 0.02);
   for (const Eigen::Vector3d& p : block(4, 4, 4, 0.02, 8)) points.push_back(p + Eigen::Vector3d(0.05, 0.03, 0.04));
-  Body body(points);
+  return points;
+}
+
+TEST(SphBody, ACrowdSpreads) {
+  Body body(makeCrowd());
   EXPECT_GT(largestConcentration(body.sph), 1.9);
   // Under way as a whole: nothing strains, and neighbours are searched every 6 cm.
   const Eigen::Vector3d velocity(1.0, 0.0, 0.0);
@@ -686,6 +690,27 @@ TEST(SphBody, ACrowdSpreads) {
   for (int step = 0; step < 3000; ++step) body.step(1.0e-3);
   EXPECT_LT(largestConcentration(body.sph), 1.65);  // a particle in the very middle has no way to go
   EXPECT_NEAR((body.momentum() - momentum).norm(), 0.0, 1.0e-6 * momentum.norm());
+}
+
+TEST(SphBody, ACrowdSpreadsInTheSameWayOnAnyNumberOfThreads) {
+  const std::vector<Eigen::Vector3d> points = makeCrowd();
+  const auto spread = [&](int threads) {
+    Body body(points);
+    for (std::size_t i = 0; i < points.size(); ++i) body.sph.setVelocity(i, Eigen::Vector3d(1.0, 0.0, 0.0));
+    for (int step = 0; step < 300; ++step) {
+#pragma omp parallel num_threads(threads)
+      body.step(1.0e-3);
+    }
+    return std::vector<Eigen::Vector3d>(body.sph.position().begin(), body.sph.position().end());
+  };
+  const std::vector<Eigen::Vector3d> one = spread(1);
+  double shifted = 0.0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    shifted = std::max(shifted, (one[i] - points[i] - Eigen::Vector3d(0.3, 0.0, 0.0)).norm());
+  }
+  EXPECT_GT(shifted, 0.01);
+  EXPECT_EQ(spread(2), one);
+  EXPECT_EQ(spread(5), one);
 }
 
 TEST(SphBody, IceThatIsNoCrowdIsNotShifted) {

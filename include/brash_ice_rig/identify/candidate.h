@@ -55,17 +55,20 @@ Variant makeFalls(const std::vector<double>& times_s);
 /// vessel_heave with given periods, s, at most 3. Two amplitudes per period: of sine and cosine.
 Variant makeSwell(const std::vector<double>& periods_s);
 
-/// pole_tilt where lateral channels show its direction: drift, and sway of three periods. Amplitudes have both signs:
-/// the way of the pole is known only up to that.
+/// pole_tilt where lateral channels show its direction: drift, sway of four periods, and drift with each of the two
+/// longer ones. Amplitudes have both signs: the way of the pole is known only up to that.
 /// @param direction_deg  in (-180, 180]
 std::vector<Variant> makeTilts(double direction_deg);
 
 /// What a fall of 1 kg of ice takes off the force, N, roughly: for finding its time only.
 Eigen::VectorXd fallTemplate(double time_s, const Eigen::VectorXd& bin_time_s);
 
-/// What 1 m of heave as sine and as cosine does to the force, N, roughly, one column each: for finding its period only.
-/// @param force_n  of the baseline in the bins
-Eigen::MatrixXd swellTemplate(double period_s, const Observation& observation, const Eigen::VectorXd& force_n);
+/// What 1 m of heave as sine and as cosine does to the force, N, one column each, from what swell of another period was
+/// simulated to do: ice and net answer within a time that is short against both. For finding its period only.
+/// @param simulated  a row per bin, sine and cosine  @param time_s  of the bins, since the swell began
+/// @param mass_kg    of rig and ice in the bins, whose inertia grows with the square of the pitch
+Eigen::MatrixXd swellResponse(const Eigen::MatrixXd& simulated, double simulated_period_s, double period_s,
+                              const Eigen::VectorXd& time_s, const Eigen::VectorXd& mass_kg);
 
 /// Lets an effect of the load cell act on a force that is not zero where the empty rig hangs in the water.
 /// @param values  of an effect that is reading_only, enabled

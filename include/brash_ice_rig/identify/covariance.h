@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -8,15 +9,21 @@
 
 namespace brash_ice_rig {
 
+/// Unknowns of the ice: void fraction, cohesion (Pa), friction angle (degrees).
+using IceValues = Eigen::Vector3d;
+
 /// How far the simulator may be from nature where nothing is missing. Amplitudes are shares of the force that the ice
-/// exerts there, or of the largest one; lengths are distances that the hoist covers.
+/// exerts there, or of the largest one that is simulated; lengths are distances that the hoist covers.
 struct Discrepancy {
-  /// What reference lifts showed, over the way of the hoist, in shares of the largest force; empty without references.
+  /// What reference lifts showed, over the way, in shares of the force's level; empty without references.
   /// Their mean; the curves along which they differ among each other, each as large as its standard deviation; and what
   /// a further lift is off beside both. As many places each, the way increasing. They take the place of `share`.
   std::vector<double> way_m, mean_share, sigma_share;
   std::vector<std::vector<double>> modes_share;
   std::vector<double> turn_way_m;  ///< where references start, stop or turn, so that they show what that does
+  std::vector<IceValues> ice;      ///< of the references, as fitted
+  /// How far they are off before the first motion, in the same shares; takes the place of `rest_share`.
+  std::optional<double> known_rest_share;
 
   double share = 0.10;          ///< of the ice's force at the same place
   double share_of_peak = 0.02;  ///< of the largest force, everywhere during the motion
@@ -42,21 +49,38 @@ double computeMatern32(double distance, double length);
 /// between.
 Eigen::MatrixXd computeNoiseCovariance(const ForceNoise& noise, const Eigen::VectorXd& time_s);
 
-/// What the simulator is known to be off in the bins of an observation, N: zero without references and before the
-/// motion.
-/// @param peak_n  largest force of the baseline as given
-Eigen::VectorXd computeKnownDiscrepancy(const Discrepancy& discrepancy, const Observation& observation, double peak_n);
+/// Largest mean over 8 s of a force in bins, N, or the mean of all where there is less: the level to which shares of
+/// references refer. Swell and single blocks leave it as it is.
+double computeLevel(const Eigen::VectorXd& force_n);
+
+/// What references showed the simulator to be off, as shares of its level: zero without them and before the motion.
+/// @param time_s  since the start of the motion  @param way_m  of the collector since then, as many
+Eigen::VectorXd computeKnownShare(const Discrepancy& discrepancy, const Eigen::VectorXd& time_s,
+                                  const Eigen::VectorXd& way_m);
+
+/// A simulated force with what the simulator is known to be off. It goes with the way of the collector: where that
+/// comes later than the hoist, so does all that happens to the ice.
+SimulatedForce correctKnownDiscrepancy(const Discrepancy& discrepancy, SimulatedForce force);
+
+/// How much larger the variance of what the simulator is off must be taken for ice unlike that of the references: that
+/// of a prediction by straight lines through them, 1 + xᵀ (XᵀX)⁻¹ x (Draper and Smith 1998, Applied Regression
+/// Analysis), with one lift at one standard deviation in each direction added to them. 1 without references and at
+/// their mean.
+/// @param sigma  of what is believed of the ice, the unit of the distance; > 0
+double computeIceFactor(const Discrepancy& discrepancy, const IceValues& ice, const IceValues& sigma);
 
 /// A lift that lacks nothing, as far as the discrepancy can be learned from it.
 struct ReferenceLift {
   std::vector<double> way_m;           ///< of each bin in motion
-  std::vector<double> residual_share;  ///< record less refitted baseline, over the largest force; as many
+  std::vector<double> residual_share;  ///< record less refitted baseline, over the level of the latter; as many
   std::vector<double> turn_way_m;      ///< where the hoist starts, stops or turns
+  std::optional<double> rest_share;    ///< mean of the residual before the motion over the level, where there is any
+  IceValues ice = IceValues::Zero();   ///< of the refitted baseline
 };
 
 /// What lifts without an effect teach: mean, up to eight modes of their scatter (principal components, one for every
 /// three lifts), and, lift by lift left out, what the others do not predict of it: its size over the way, the length
-/// over which it changes, and its rough part. One lift teaches its mean only.
+/// over which it changes, and its rough part; and how far the force at rest is off. One lift teaches its mean only.
 /// @param lifts   at least one
 /// @param before  whose other terms are kept
 Discrepancy learnDiscrepancy(const std::vector<ReferenceLift>& lifts, const Discrepancy& before);

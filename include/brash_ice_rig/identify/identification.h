@@ -91,6 +91,7 @@ struct Identification {
   Eigen::VectorXd whitened_before;  ///< residual of the refitted baseline in units of what is allowed, bin by bin
   std::vector<double> autocorrelation_before, autocorrelation_after;
   Discrepancy discrepancy;  ///< as it was used
+  double ice_factor = 1.0;  ///< of its variance, for ice unlike that of the references: see computeIceFactor()
   std::string overlay;      ///< YAML of baseline and effect; empty if there is nothing to change
   std::size_t runs_needed = 0, runs_made = 0;
   double wall_s = 0.0;

@@ -50,6 +50,7 @@ struct SimulatedForce {
   std::vector<double> time_s;         ///< equidistant
   std::vector<double> force_n;        ///< reading less that of the empty rig at the start
   std::vector<double> empty_force_n;  ///< the same without ice: weight less buoyancy
+  std::vector<double> way_m;          ///< of the collector since the start; that of the hoist, but for what stretches
   std::vector<double> force_x_n, force_y_n;
 };
 

@@ -1,0 +1,199 @@
+#include "brash_ice_rig/identify/chain.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace brash_ice_rig {
+namespace {
+
+/// Swell whose effect is simulated in order to know what others would do.
+constexpr double kSwellPeriodS = 6.0;
+
+}  // namespace
+
+void Chain::addVariants() {
+  // A position that was only commanded in one of the records leaves the hoist's losses open.
+  PositionOrigin position = PositionOrigin::kMeasured;
+  for (const Site& site : sites_) {
+    if (site.curves.record.position == PositionOrigin::kCommanded) position = PositionOrigin::kCommanded;
+  }
+  for (const EffectDescription& effect : effectRegistry()) {
+    if (sites_.front().scenario.effects[effect.name].enabled) continue;  // the baseline has it already
+    const bool seen_sideways = lateral_direction_deg_ && std::string(effect.name) == "pole_tilt";
+    for (Variant& variant : seen_sideways ? makeTilts(*lateral_direction_deg_) : makeVariants(effect, position)) {
+      variants_.push_back(std::make_unique<Variant>(std::move(variant)));
+    }
+    if (std::string(effect.name) == "vessel_heave" && sites_.front().observation().ice_contact) {
+      swell_ = std::make_unique<Variant>(makeSwell({kSwellPeriodS}));
+    }
+  }
+}
+
+/// Keys of the runs with each amplitude at its step, seed by seed; empty where no run is needed or none is possible.
+std::vector<std::string> Chain::requestSignature(const Site& site, const Variant& v) {
+  if (v.effect->reading_only || !site.observation().ice_contact) return {};
+  std::vector<std::string> keys;
+  for (std::size_t k = 0; k < v.amplitudes.size(); ++k) {
+    for (int seed = 1; seed <= kPairs; ++seed) {
+      Scenario s = site.scenario;
+      s.field.seed = static_cast<std::uint64_t>(seed);
+      Eigen::VectorXd a = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(v.amplitudes.size()));
+      a[static_cast<Eigen::Index>(k)] = v.amplitudes[k].step;
+      v.apply(s.effects[v.effect->name], a);
+      try {
+        s.validate();
+      } catch (const ConfigError&) {
+        return {};  // such an amplitude is impossible in this ice
+      }
+      keys.push_back(runs_.request(s));
+    }
+  }
+  return keys;
+}
+
+Eigen::MatrixXd Chain::signature(const Site& site, const Variant& v) {
+  const auto count = static_cast<Eigen::Index>(v.amplitudes.size());
+  Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(site.rows(), count);
+  if (site.direction_rad && !v.effect->acts_sideways) return columns;
+  const auto plain = [&](int seed) {
+    Scenario s = site.scenario;
+    s.field.seed = static_cast<std::uint64_t>(site.observation().ice_contact ? seed : 1);
+    return corrected(runs_.request(s));
+  };
+  const std::vector<std::string> keys = requestSignature(site, v);
+  for (Eigen::Index k = 0; k < count; ++k) {
+    const double step = v.amplitudes[static_cast<std::size_t>(k)].step;
+    for (int seed = 1; seed <= kPairs; ++seed) {
+      const Eigen::VectorXd before = site.bins(plain(seed));
+      if (v.effect->reading_only) {
+        Eigen::VectorXd a = Eigen::VectorXd::Zero(count);
+        a[k] = step;
+        EffectValues values(*v.effect);
+        v.apply(values, a);
+        columns.col(k) += (site.bins(throughLoadCell(values, site.scenario, plain(seed))) - before) / (step * kPairs);
+      } else if (!keys.empty()) {
+        const std::string& key = keys[static_cast<std::size_t>(k * kPairs + seed - 1)];
+        if (!runs_.failed(key)) columns.col(k) += (site.bins(corrected(key)) - before) / (step * kPairs);
+      }
+    }
+  }
+  return columns;
+}
+
+void Chain::computeSignatures(const std::vector<const Variant*>& variants, const std::string& what) {
+  for (const Variant* v : variants) {
+    for (const Site& site : sites_) requestSignature(site, *v);
+  }
+  runs_.makeMissing(what);
+  for (const Variant* v : variants) {
+    Eigen::MatrixXd columns(data_.size(), static_cast<Eigen::Index>(v->amplitudes.size()));
+    for (const Site& site : sites_) columns.middleRows(site.first_row, site.rows()) = signature(site, *v);
+    signatures_[v] = columns;
+  }
+}
+
+/// Looks for causes of one kind that may be at many places: one after the other, each where it explains most, at most
+/// three, as long as each earns its place.
+/// @param places     at which one may be
+/// @param prior      of each column's unknown
+/// @param columns    what it does to the force of the first record from a place, per unit
+/// @param found      out
+/// @param log_odds   out: what having looked at many places costs
+/// @return ln of the Bayes factor of all of them together
+double Chain::findPlaces(const Model& start, const std::vector<double>& places, const Amplitude& prior,
+                         const std::function<Eigen::MatrixXd(double)>& columns, std::vector<double>& found,
+                         double& log_odds) const {
+  constexpr double kGain = 2.0;
+  const Site& site = sites_.front();
+  found.clear();
+  log_odds = 0.0;
+  double total = 0.0;
+  if (places.empty()) return total;
+  LinearModel model = linearModel(start);
+  // At the start's kappa: a trial moves it only a little.
+  const FactoredErrors errors(errors_, start.fit.kappa);
+  double before = computeLogEvidence(data_, model, errors);
+  const Eigen::Index added = columns(places.front()).cols();
+  while (found.size() < 3) {
+    std::vector<double> gains;
+    LinearModel trial = model;
+    const Eigen::Index column = model.columns.cols();
+    trial.columns.conservativeResize(Eigen::NoChange, column + added);
+    trial.prior_mean.conservativeResize(column + added);
+    trial.prior_sigma.conservativeResize(column + added);
+    trial.prior_mean.tail(added).setConstant(prior.prior_mean);
+    trial.prior_sigma.tail(added).setConstant(prior.prior_sigma);
+    trial.positive.resize(static_cast<std::size_t>(column + added), prior.positive);
+    LinearModel best = trial;
+    double best_evidence = -std::numeric_limits<double>::infinity();
+    for (const double place : places) {
+      trial.columns.rightCols(added).setZero();
+      trial.columns.block(site.first_row, column, site.rows(), added) = columns(place);
+      const double evidence = computeLogEvidence(data_, trial, errors);
+      gains.push_back(evidence - before);
+      if (evidence > best_evidence) {
+        best_evidence = evidence;
+        best = trial;
+      }
+    }
+    const double mean_gain = logMeanExp(gains);
+    const auto top = static_cast<std::size_t>(std::max_element(gains.begin(), gains.end()) - gains.begin());
+    if (mean_gain < kGain && !found.empty()) return total;
+    found.push_back(places[top]);
+    total += mean_gain;
+    log_odds += mean_gain - gains[top];
+    before = best_evidence;
+    model = best;
+    if (mean_gain < kGain) return total;
+  }
+  return total;
+}
+
+/// Adds falls and swell where the record suggests them, beside what a model has already.
+void Chain::locate(const Model& start, const std::string& what) {
+  if (!sites_.front().observation().ice_contact) return;
+  std::vector<const Variant*> added;
+  std::vector<double> places;
+  double log_odds = 0.0;
+  const bool falls = !EffectsConfig(sites_.front().scenario.effects)["block_drop"].enabled;
+  const auto add = [&](Variant variant) {
+    variants_.push_back(std::make_unique<Variant>(std::move(variant)));
+    located_log_odds_[variants_.back().get()] = log_odds;
+    added.push_back(variants_.back().get());
+  };
+  const Site& site = sites_.front();
+  if (falls) {
+    constexpr double kGridS = 0.5;
+    std::vector<double> times;
+    const double end = site.observation().time_s[site.rows() - 1];
+    for (int k = 0; 1.0 + k * kGridS < end - 1.0; ++k) times.push_back(1.0 + k * kGridS);
+    const auto columns = [&](double time) -> Eigen::MatrixXd { return fallTemplate(time, site.observation().time_s); };
+    if (findPlaces(start, times, makeFalls({0.0}).amplitudes[0], columns, places, log_odds) > 0.0) {
+      std::sort(places.begin(), places.end());
+      add(makeFalls(places));
+    }
+  }
+  if (swell_) {
+    constexpr double kShortestS = 3.0, kLongestS = 14.0, kRatio = 1.06, kStepsPerS = 20.0;
+    std::vector<double> periods;
+    for (int k = 0;; ++k) {
+      const double period = kShortestS * std::pow(kRatio, k);
+      if (period >= kLongestS) break;
+      periods.push_back(std::round(period * kStepsPerS) / kStepsPerS);
+    }
+    const Eigen::MatrixXd response = signatures_.at(swell_.get()).middleRows(site.first_row, site.rows());
+    const CollectorConfig& rig = site.scenario.collector;
+    const Eigen::VectorXd mass_kg = site.mean_n.cwiseMax(0.0).array() / kGravityMps2 + rig.mass_kg + rig.pole_mass_kg;
+    const auto columns = [&](double period) {
+      return swellResponse(response, kSwellPeriodS, period, site.observation().time_s, mass_kg);
+    };
+    if (!response.isZero() &&
+        findPlaces(start, periods, makeSwell({6.0}).amplitudes[0], columns, places, log_odds) > 0.0) {
+      add(makeSwell(places));
+    }
+  }
+  computeSignatures(added, what);
+}
+
+}  // namespace brash_ice_rig

@@ -1,0 +1,157 @@
+#include "brash_ice_rig/identify/chain.h"
+
+#include <algorithm>
+
+namespace brash_ice_rig {
+
+LinearModel Chain::linearModel(const Model& model) const {
+  LinearModel m;
+  m.offset = model.offset;
+  const Eigen::Index own = unknowns(), count = own + model.effect_columns.cols();
+  m.columns.resize(data_.size(), count);
+  m.columns << baseline_columns_, model.effect_columns;
+  m.prior_mean = Eigen::VectorXd::Zero(count);
+  m.prior_sigma.resize(count);
+  m.positive.assign(static_cast<std::size_t>(count), false);
+  for (std::size_t k = 0; k < ice_.size(); ++k) m.prior_sigma[static_cast<Eigen::Index>(k)] = ice_[k].sigma;
+  for (std::size_t i = 0; i < records_; ++i) {
+    m.prior_sigma[sites_[i].own()] = kGapSigmaM;
+    m.prior_sigma[sites_[i].own() + 1] = sites_[i].observation().clock_sigma_s;
+  }
+  Eigen::Index column = own;
+  for (const Variant* v : model.variants) {
+    for (const Amplitude& a : v->amplitudes) {
+      m.prior_mean[column] = a.prior_mean;
+      m.prior_sigma[column] = a.prior_sigma;
+      m.positive[static_cast<std::size_t>(column)] = a.positive;
+      ++column;
+    }
+  }
+  return m;
+}
+
+/// Covariance of what the law of a model's effects may be off at these amplitudes.
+/// A load cell's bias or scale has no other law: with that freedom, a little of it would explain anything smooth.
+Eigen::MatrixXd Chain::formErrors(const Model& model, const Eigen::VectorXd& amplitudes) const {
+  Eigen::VectorXd change = Eigen::VectorXd::Zero(data_.size());
+  Eigen::Index column = 0;
+  for (const Variant* v : model.variants) {
+    const auto count = static_cast<Eigen::Index>(v->amplitudes.size());
+    if (!v->effect->reading_only) {
+      change += model.effect_columns.middleCols(column, count) * amplitudes.segment(column, count);
+    }
+    column += count;
+  }
+  Eigen::MatrixXd form = Eigen::MatrixXd::Zero(data_.size(), data_.size());
+  for (const Site& site : sites_) {
+    if (!site.observation().ice_contact) continue;
+    form.block(site.first_row, site.first_row, site.rows(), site.rows()) =
+        computeFormCovariance(discrepancy_, site.observation(), change.segment(site.first_row, site.rows()));
+  }
+  return form;
+}
+
+/// How far an effect's law may be off depends on how much of it there is. That is integrated over one amplitude; with
+/// several, they are fitted twice.
+void Chain::refit(Model& model) const {
+  const LinearModel m = linearModel(model);
+  const Eigen::Index amplitudes = model.effect_columns.cols();
+  if (amplitudes == 1 && !model.variants[0]->effect->reading_only) {
+    const Eigen::MatrixXd form = formErrors(model, Eigen::VectorXd::Ones(1));
+    model.fit = fitWithForm(data_, m, errors_, unknowns(), form, model.density);
+    return;
+  }
+  if (amplitudes == 0 || model.fit.x.size() != m.columns.cols()) model.fit = fitLinear(data_, m, errors_);
+  if (amplitudes == 0) return;
+  ErrorModel errors = errors_;
+  errors.noise += formErrors(model, model.fit.x.tail(amplitudes));
+  model.fit = fitLinear(data_, m, errors);
+}
+
+Model Chain::linear(const std::vector<const Variant*>& variants) const {
+  Model model;
+  model.variants = variants;
+  model.offset = baseline_offset_;
+  Eigen::Index count = 0;
+  for (const Variant* v : variants) count += signatures_.at(v).cols();
+  model.effect_columns.resize(data_.size(), count);
+  count = 0;
+  for (const Variant* v : variants) {
+    const Eigen::MatrixXd& columns = signatures_.at(v);
+    model.effect_columns.middleCols(count, columns.cols()) = columns;
+    count += columns.cols();
+    const auto located = located_log_odds_.find(v);
+    if (located != located_log_odds_.end()) model.shape_log_odds += located->second;
+  }
+  refit(model);
+  return model;
+}
+
+/// Within what can be simulated.
+Eigen::VectorXd Chain::clipped(const Model& model, Eigen::VectorXd x) const {
+  for (std::size_t k = 0; k < ice_.size(); ++k) {
+    const auto i = static_cast<Eigen::Index>(k);
+    x[i] = std::clamp(ice_[k].prior + x[i], ice_[k].low, ice_[k].high) - ice_[k].prior;
+  }
+  for (std::size_t i = 0; i < records_; ++i) {
+    x[sites_[i].own()] = std::max(x[sites_[i].own()], -sites_[i].scenario.procedure.start_gap_m);
+  }
+  Eigen::Index column = unknowns();
+  for (const Variant* v : model.variants) {
+    for (const Amplitude& a : v->amplitudes) {
+      x[column] = std::clamp(x[column], a.least, a.most);
+      ++column;
+    }
+  }
+  return x;
+}
+
+/// The force of a model at x in all bins, mean over the pairs' seeds; none where the world freezes.
+std::optional<Eigen::VectorXd> Chain::simulated(const Model& model, const Eigen::VectorXd& x, bool request_only) {
+  std::vector<Eigen::VectorXd> parts;
+  const bool sideways = std::any_of(model.variants.begin(), model.variants.end(),
+                                    [](const Variant* v) { return v->effect->acts_sideways; });
+  for (const Site& site : sites_) {
+    Eigen::VectorXd mean = Eigen::VectorXd::Zero(site.rows());
+    const int seeds = site.direction_rad && !sideways ? 0 : site.observation().ice_contact ? kPairs : 1;
+    const double delay = x[site.own() + 1];
+    for (int seed = 1; seed <= seeds; ++seed) {
+      const Scenario s = scenarioAt(site, x, model.variants, seed);
+      try {
+        s.validate();
+      } catch (const ConfigError&) {
+        return std::nullopt;
+      }
+      const std::string key = runs_.request(s);
+      if (request_only) continue;
+      if (runs_.failed(key)) return std::nullopt;
+      mean += site.bins(asRead(corrected(key), s, x, model.variants), delay) / seeds;
+    }
+    parts.push_back(mean);
+  }
+  return stacked(parts);
+}
+
+/// Gauss-Newton with the slopes of the signatures: simulate where the fit is, and fit again around that.
+void Chain::confirm(const std::vector<Model*>& models, const std::string& what) {
+  for (Model* model : models) {
+    if (model->frozen) continue;
+    model->x = clipped(*model, model->fit.x);
+    if (!simulated(*model, model->x, true)) model->frozen = true;
+  }
+  runs_.makeMissing(what);
+  for (Model* model : models) {
+    if (model->frozen) continue;
+    const std::optional<Eigen::VectorXd> curve = simulated(*model, model->x, false);
+    if (!curve) {
+      model->frozen = true;
+      continue;
+    }
+    model->simulated = true;
+    model->curve_n = *curve;
+    model->offset = *curve - linearModel(*model).columns * model->x;
+    refit(*model);
+  }
+}
+
+}  // namespace brash_ice_rig

@@ -110,6 +110,8 @@ void Chain::addSecondEffect(std::vector<Model>& models, const Model& baseline) {
   const Model first = models.front();
   const double gained = score(first) - baseline.fit.log_evidence;
   if (!first.simulated || gained < thresholds_.log_bayes_factor) return;
+  // What the first one leaves must mean something, or the second would explain the simulator's own error.
+  if (!isSignificant(chi2PerBin(first), computeLjungBox(whitened(first), kPortmanteauLags), thresholds_)) return;
   const std::string first_name = first.variants[0]->effect->name;
   locate(first, "falls and swell beside " + first_name);
   std::optional<Model> best;

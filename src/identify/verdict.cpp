@@ -57,11 +57,15 @@ const char* verdictName(Verdict verdict) {
   return "unknown";
 }
 
+bool isSignificant(double chi2_per_bin, double portmanteau_p, const Thresholds& thresholds) {
+  // Residuals that are smaller than what is allowed for may be correlated: the allowance is not known that finely.
+  return chi2_per_bin > thresholds.chi2_per_bin ||
+         (chi2_per_bin > thresholds.portmanteau_chi2_per_bin && portmanteau_p < thresholds.portmanteau_p);
+}
+
 void decide(Identification& result, const RecordReport& report, const Thresholds& thresholds) {
   const bool excess = result.chi2_per_bin > thresholds.chi2_per_bin;
-  // Residuals that are smaller than what is allowed for may be correlated: the allowance is not known that finely.
-  result.significant = excess || (result.chi2_per_bin > thresholds.portmanteau_chi2_per_bin &&
-                                  result.portmanteau_p < thresholds.portmanteau_p);
+  result.significant = isSignificant(result.chi2_per_bin, result.portmanteau_p, thresholds);
 
   bool partial = false;
   for (const Finding& finding : report.findings) {
@@ -79,7 +83,8 @@ void decide(Identification& result, const RecordReport& report, const Thresholds
   };
   const auto holds = [&](const Explanation& e) {
     if (e.effects.size() > 1 && !earnsItsPlace(e)) return false;
-    return e.confirmed && e.log_bayes_factor > e.threshold && !(e.holdout_ratio > thresholds.holdout_ratio) &&
+    return e.confirmed && e.log_bayes_factor > e.threshold && e.detectability >= thresholds.detectability &&
+           !(e.holdout_ratio > thresholds.holdout_ratio) &&
            (!excess || e.explained_ratio >= thresholds.explained_ratio);
   };
   std::vector<const Explanation*> accepted;
@@ -183,6 +188,13 @@ void describe(Identification& result, const Thresholds& thresholds) {
                      shortNumber(other.log_bayes_factor) + "), but predicts the held-out one " + worse + ".");
     }
   } else {
+    for (const Explanation& e : result.ranking) {
+      if (!e.confirmed || e.log_bayes_factor <= e.threshold || e.detectability >= thresholds.detectability) continue;
+      text.push_back(joined(e.effects, "and") + " would explain a part of it (ln of the Bayes factor " +
+                     shortNumber(e.log_bayes_factor) +
+                     "), but what this record shows of it is too small to be told: " + "detectability " +
+                     shortNumber(e.detectability) + " (asked: " + shortNumber(thresholds.detectability) + ").");
+    }
     text.push_back("Residual: chi² of " + shortNumber(result.chi2_per_bin) + " per bin (significant above " +
                    shortNumber(thresholds.chi2_per_bin) + "), portmanteau p = " + shortNumber(result.portmanteau_p) +
                    ".");

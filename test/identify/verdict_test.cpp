@@ -18,6 +18,7 @@ Explanation found(const std::vector<std::string>& effects, double log_bayes_fact
   e.threshold = 6.0;
   e.explained_ratio = 0.9;
   e.confirmed = true;
+  e.detectability = 8.0;
   e.holdout_rmse_n = holdout_rmse_n;
   e.holdout_ratio = holdout_rmse_n / 1000.0;
   return e;
@@ -44,6 +45,27 @@ TEST(Verdict, AnEffectIsNamedThatExceedsItsThreshold) {
   EXPECT_EQ(result.effects, Names{"drainage"});
   EXPECT_EQ(result.accepted, 0u);
   EXPECT_EQ(decided(ranked({found({"drainage"}, 6.0)})).verdict, Verdict::kUnknown);
+}
+
+TEST(Verdict, CorrelationCountsOnlyWhereTheResidualIsNotSmall) {
+  const Thresholds t;
+  EXPECT_TRUE(isSignificant(1.28, 0.9, t));
+  EXPECT_FALSE(isSignificant(1.27, 0.9, t));
+  EXPECT_TRUE(isSignificant(1.16, 0.0009, t));
+  EXPECT_FALSE(isSignificant(1.16, 0.0011, t));
+  EXPECT_FALSE(isSignificant(1.14, 0.0, t));
+}
+
+TEST(Verdict, WhatTheRecordHardlyShowsIsNotNamedButTold) {
+  Explanation small = found({"load_cell_lag"}, 16.0);
+  small.detectability = 4.9;
+  Identification result = decided(ranked({small}, 0.7));
+  EXPECT_EQ(result.verdict, Verdict::kNone);
+  result.records.resize(1);
+  describe(result, Thresholds());
+  EXPECT_NE(result.summary[1].find("load_cell_lag would explain"), std::string::npos) << result.summary[1];
+  small.detectability = 5.0;
+  EXPECT_EQ(decided(ranked({small}, 0.7)).verdict, Verdict::kEffect);
 }
 
 TEST(Verdict, WhatWasNotSimulatedIsNotNamed) {

@@ -20,7 +20,7 @@ struct Thresholds {
   double rival_holdout_ratio = 1.2;  ///< of held-out RMSE; from there on the better one is not tied with the other
   double rival_correlation = 0.9;    ///< of what two effects do to the force; above it they are of one class
   double second_effect = 6.0;        ///< ln of the Bayes factor that a second effect must add
-  double detectability = 5.0;        ///< d' at which a magnitude counts as detectable
+  double detectability = 5.0;        ///< d' at which a magnitude counts as detectable, and below which none is named
   int null_records = 0;              ///< no-effect records behind the effects' own thresholds
   /// The effects' own: the 97 % quantile of ln of the Bayes factor on those records, where it is above the common one.
   std::vector<std::pair<std::string, double>> own;

@@ -292,7 +292,7 @@ std::vector<Variant> makeTilts(double direction_deg) {
       values.set("sway_m", 0.0);
       const double sign = signOf(a);
       // Without sway its period would only make another scenario of the same lift.
-      if (period_s && sign * a[a.size() - 1] > 0.0) values.set("sway_period_s", *period_s);
+      if (period_s && a[a.size() - 1] != 0.0) values.set("sway_period_s", *period_s);
       for (std::size_t k = 0; k < sizes.size(); ++k) {
         values.set(sizes[k]->name, clampTo(*sizes[k], sign * a[static_cast<Eigen::Index>(k)]));
       }

@@ -56,25 +56,26 @@ Eigen::MatrixXd Chain::signature(const Site& site, const Variant& v) {
   const auto count = static_cast<Eigen::Index>(v.amplitudes.size());
   Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(site.rows(), count);
   if (site.direction_rad && !v.effect->acts_sideways) return columns;
-  const auto plain = [&](int seed) {
-    Scenario s = site.scenario;
-    s.field.seed = static_cast<std::uint64_t>(site.observation().ice_contact ? seed : 1);
-    return corrected(runs_.request(s));
-  };
+  std::vector<SimulatedForce> plain;
+  std::vector<Eigen::VectorXd> before;
+  for (int seed = 1; seed <= kPairs; ++seed) {
+    plain.push_back(corrected(requestBaseline(site, std::min(seed, site.seeds()))));
+    before.push_back(site.bins(plain.back()));
+  }
   const std::vector<std::string> keys = requestSignature(site, v);
   for (Eigen::Index k = 0; k < count; ++k) {
     const double step = v.amplitudes[static_cast<std::size_t>(k)].step;
-    for (int seed = 1; seed <= kPairs; ++seed) {
-      const Eigen::VectorXd before = site.bins(plain(seed));
+    for (std::size_t pair = 0; pair < plain.size(); ++pair) {
       if (v.effect->reading_only) {
         Eigen::VectorXd a = Eigen::VectorXd::Zero(count);
         a[k] = step;
         EffectValues values(*v.effect);
         v.apply(values, a);
-        columns.col(k) += (site.bins(throughLoadCell(values, site.scenario, plain(seed))) - before) / (step * kPairs);
+        columns.col(k) +=
+            (site.bins(throughLoadCell(values, site.scenario, plain[pair])) - before[pair]) / (step * kPairs);
       } else if (!keys.empty()) {
-        const std::string& key = keys[static_cast<std::size_t>(k * kPairs + seed - 1)];
-        if (!runs_.failed(key)) columns.col(k) += (site.bins(corrected(key)) - before) / (step * kPairs);
+        const std::string& key = keys[static_cast<std::size_t>(k) * kPairs + pair];
+        if (!runs_.failed(key)) columns.col(k) += (site.bins(corrected(key)) - before[pair]) / (step * kPairs);
       }
     }
   }
@@ -188,8 +189,7 @@ void Chain::locate(const Model& start, const std::string& what) {
     const auto columns = [&](double period) {
       return swellResponse(response, kSwellPeriodS, period, site.observation().time_s, mass_kg);
     };
-    if (!response.isZero() &&
-        findPlaces(start, periods, makeSwell({6.0}).amplitudes[0], columns, places, log_odds) > 0.0) {
+    if (!response.isZero() && findPlaces(start, periods, swell_->amplitudes[0], columns, places, log_odds) > 0.0) {
       add(makeSwell(places));
     }
   }

@@ -70,11 +70,9 @@ Explanation Chain::explain(const Model& model, const Model& baseline, const Dete
   e.log_bayes_factor = model.simulated ? score(model) - baseline.fit.log_evidence : model.screened;
   e.chi2_per_bin = chi2PerBin(model);
   // What moves the rig sideways shows in the lateral channels first.
-  const bool sideways = std::any_of(model.variants.begin(), model.variants.end(),
-                                    [](const Variant* v) { return v->effect->acts_sideways; });
   const Eigen::Index lateral_rows = data_.size() - record_rows_;
   const bool seen_sideways =
-      sideways && baseline.fit.whitened.tail(lateral_rows).squaredNorm() > static_cast<double>(lateral_rows);
+      actsSideways(model) && baseline.fit.whitened.tail(lateral_rows).squaredNorm() > static_cast<double>(lateral_rows);
   const Eigen::Index rows = seen_sideways ? data_.size() : record_rows_;
   const double before = baseline.fit.whitened.head(rows).squaredNorm(), excess = before - static_cast<double>(rows);
   e.explained_ratio = excess > 0.0 ? (before - model.fit.whitened.head(rows).squaredNorm()) / excess : kNaN;
@@ -150,9 +148,7 @@ void Chain::evaluateHoldout(const Model& baseline, const std::vector<Model>& mod
   Eigen::MatrixXd covariance = computeNoiseCovariance(site.observation().noise, site.observation().time_s);
   if (site.observation().ice_contact) {
     site.known_share = computeKnownShare(discrepancy_, site.observation().time_s, site.observation().way_m);
-    const double level = computeLevel(site.uncorrected(curves[&baseline]));
-    covariance += ice_factor_ *
-                  computeDiscrepancyCovariance(discrepancy_, site.observation(), site.scaledTo(level), site.chaos_n);
+    covariance += discrepancyOf(site, curves[&baseline]);
   }
   const auto errorOf = [&](const Model* model) {
     return curves.count(model) == 0 ? CurveError() : computeError(site.observation(), curves[model], covariance);

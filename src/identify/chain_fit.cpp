@@ -68,21 +68,23 @@ void Chain::refit(Model& model) const {
   model.fit = fitLinear(data_, m, errors);
 }
 
-Model Chain::linear(const std::vector<const Variant*>& variants) const {
+/// Adds an effect, as a straight line, to those that a model has; it is to be fitted again.
+void Chain::addEffect(Model& model, const Variant& v) const {
+  model.variants.push_back(&v);
+  const Eigen::MatrixXd& columns = signatures_.at(&v);
+  model.effect_columns.conservativeResize(data_.size(), model.effect_columns.cols() + columns.cols());
+  model.effect_columns.rightCols(columns.cols()) = columns;
+  const auto located = located_log_odds_.find(&v);
+  if (located != located_log_odds_.end()) model.shape_log_odds += located->second;
+  model.simulated = false;
+}
+
+/// The baseline with one effect or none, as straight lines.
+Model Chain::linear(const Variant* variant) const {
   Model model;
-  model.variants = variants;
   model.offset = baseline_offset_;
-  Eigen::Index count = 0;
-  for (const Variant* v : variants) count += signatures_.at(v).cols();
-  model.effect_columns.resize(data_.size(), count);
-  count = 0;
-  for (const Variant* v : variants) {
-    const Eigen::MatrixXd& columns = signatures_.at(v);
-    model.effect_columns.middleCols(count, columns.cols()) = columns;
-    count += columns.cols();
-    const auto located = located_log_odds_.find(v);
-    if (located != located_log_odds_.end()) model.shape_log_odds += located->second;
-  }
+  model.effect_columns.resize(data_.size(), 0);
+  if (variant != nullptr) addEffect(model, *variant);
   refit(model);
   return model;
 }
@@ -109,8 +111,7 @@ Eigen::VectorXd Chain::clipped(const Model& model, Eigen::VectorXd x) const {
 /// The force of a model at x in all bins, mean over the pairs' seeds; none where the world freezes.
 std::optional<Eigen::VectorXd> Chain::simulated(const Model& model, const Eigen::VectorXd& x, bool request_only) {
   std::vector<Eigen::VectorXd> parts;
-  const bool sideways = std::any_of(model.variants.begin(), model.variants.end(),
-                                    [](const Variant* v) { return v->effect->acts_sideways; });
+  const bool sideways = actsSideways(model);
   for (const Site& site : sites_) {
     Eigen::VectorXd mean = Eigen::VectorXd::Zero(site.rows());
     const int seeds = site.direction_rad && !sideways ? 0 : site.observation().ice_contact ? kPairs : 1;

@@ -274,6 +274,15 @@ Eigen::MatrixXd Chain::lateralDiscrepancy(const Site& site) const {
   return computeFormCovariance(whole, site.observation(), sigma);
 }
 
+/// Covariance of what the simulator is off for a force as large as this curve of the baseline. Its shape is that of the
+/// baseline as given: where a refitted one touches the ice later, it would leave no allowance there.
+Eigen::MatrixXd Chain::discrepancyOf(const Site& site, const Eigen::VectorXd& curve_n) const {
+  const double given = computeLevel(site.mean_n), wanted = computeLevel(site.uncorrected(curve_n));
+  const double scale = given > 0.0 ? wanted / given : 1.0;
+  return ice_factor_ *
+         computeDiscrepancyCovariance(discrepancy_, site.observation(), scale * site.mean_n, site.chaos_n);
+}
+
 /// What noise and simulator may be off, the latter for a force as large as this curve of the baseline and the ice of x.
 void Chain::setErrors(const Eigen::VectorXd& curve_n, const Eigen::VectorXd& x) {
   IceValues ice, sigma;
@@ -293,12 +302,8 @@ void Chain::setErrors(const Eigen::VectorXd& curve_n, const Eigen::VectorXd& x) 
       errors_.noise.block(site.first_row, site.first_row, site.rows(), site.rows()) += lateralDiscrepancy(site);
       continue;
     }
-    // The shape of the baseline as given: where a refitted one touches the ice later, it would leave no allowance
-    // there.
-    const double level = computeLevel(site.uncorrected(curve_n.segment(site.first_row, site.rows())));
-    const Eigen::VectorXd ice_n = site.scaledTo(level);
     errors_.discrepancy.block(site.first_row, site.first_row, site.rows(), site.rows()) =
-        ice_factor_ * computeDiscrepancyCovariance(discrepancy_, site.observation(), ice_n, site.chaos_n);
+        discrepancyOf(site, curve_n.segment(site.first_row, site.rows()));
   }
 }
 

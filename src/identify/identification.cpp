@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 
 #include "brash_ice_rig/identify/chain.h"
 #include "brash_ice_rig/identify/verdict.h"
@@ -36,7 +35,7 @@ Identification Chain::run() {
     computeSignatures(all, "what effects do");
   }
   // Slopes are rough: the baseline is simulated where they lead before anything else is fitted around it.
-  Model baseline = linear({});
+  Model baseline = linear(nullptr);
   confirm({&baseline}, "baseline refitted");
   if (baseline.frozen) throw ConfigError("", "", "the simulation of the refitted ice freezes", input_.records[0].path);
   baseline_offset_ = baseline.offset;
@@ -85,7 +84,7 @@ std::vector<Model> Chain::screenEffects(const Model& baseline) const {
     std::vector<Model> shapes;
     for (const auto& v : variants_) {
       if (v->effect != &effect) continue;
-      shapes.push_back(linear({v.get()}));
+      shapes.push_back(linear(v.get()));
       evidence.push_back(shapes.back().fit.log_evidence);
     }
     if (shapes.empty()) continue;
@@ -118,13 +117,7 @@ void Chain::addSecondEffect(std::vector<Model>& models, const Model& baseline) {
   for (const auto& v : variants_) {
     if (v->effect->name == first_name || signatures_.count(v.get()) == 0) continue;
     Model pair = first;
-    pair.variants.push_back(v.get());
-    const Eigen::MatrixXd& columns = signatures_.at(v.get());
-    pair.effect_columns.conservativeResize(Eigen::NoChange, pair.effect_columns.cols() + columns.cols());
-    pair.effect_columns.rightCols(columns.cols()) = columns;
-    const auto located = located_log_odds_.find(v.get());
-    if (located != located_log_odds_.end()) pair.shape_log_odds += located->second;
-    pair.simulated = false;
+    addEffect(pair, *v);
     refit(pair);
     if (!best || score(pair) > score(*best)) best = pair;
   }
@@ -143,7 +136,7 @@ std::optional<ReferenceLift> Chain::reference(bool simulate) {
   simulateBaseline();
   const Site& site = sites_.front();
   if (!site.observation().ice_contact) return {};
-  Model baseline = linear({});
+  Model baseline = linear(nullptr);
   if (simulate) {
     confirm({&baseline}, "reference " + site.curves.path);
     setErrors(baseline.simulated ? baseline.curve_n : baseline.fit.mean, clipped(baseline, baseline.fit.x));

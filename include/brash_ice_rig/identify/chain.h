@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <map>
@@ -61,11 +62,6 @@ struct Site {
     }
     return binned(f.time_s, curves.observation.ice_contact ? f.force_n : f.empty_force_n, at, delay_s);
   }
-  /// The baseline as given, but as large as another one.
-  Eigen::VectorXd scaledTo(double level_n) const {
-    const double given = computeLevel(mean_n);
-    return given > 0.0 ? Eigen::VectorXd(level_n / given * mean_n) : mean_n;
-  }
   /// A force in bins without what the simulator is known to be off.
   Eigen::VectorXd uncorrected(const Eigen::VectorXd& force_n) const {
     const double level = computeLevel(force_n - computeLevel(mean_n) * known_share);
@@ -88,6 +84,11 @@ struct Model {
   Eigen::VectorXd curve_n;                   ///< simulated there
   bool simulated = false, frozen = false;
 };
+
+/// Whether one of its effects moves the rig sideways, so that the lateral channels see it.
+inline bool actsSideways(const Model& m) {
+  return std::any_of(m.variants.begin(), m.variants.end(), [](const Variant* v) { return v->effect->acts_sideways; });
+}
 
 /// ln of the evidence of an effect in its best shape, the choice of the shape counted.
 inline double score(const Model& m) {
@@ -130,6 +131,7 @@ class Chain {
   void simulateBaseline();
   void readBaseline(Site& site);
   void stackRecords();
+  Eigen::MatrixXd discrepancyOf(const Site& site, const Eigen::VectorXd& curve_n) const;
   void setErrors(const Eigen::VectorXd& curve_n, const Eigen::VectorXd& x);
   void addVariants();
   void computeSignatures(const std::vector<const Variant*>& variants, const std::string& what);
@@ -138,7 +140,8 @@ class Chain {
   LinearModel linearModel(const Model& model) const;
   Eigen::MatrixXd formErrors(const Model& model, const Eigen::VectorXd& amplitudes) const;
   void refit(Model& model) const;
-  Model linear(const std::vector<const Variant*>& variants) const;
+  void addEffect(Model& model, const Variant& variant) const;
+  Model linear(const Variant* variant) const;
   double findPlaces(const Model& start, const std::vector<double>& places, const Amplitude& prior,
                     const std::function<Eigen::MatrixXd(double)>& columns, std::vector<double>& found,
                     double& log_odds) const;

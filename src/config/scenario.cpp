@@ -8,6 +8,7 @@
 
 #include "brash_ice_rig/config/config_error.h"
 #include "brash_ice_rig/config/number_check.h"
+#include "brash_ice_rig/math/angle.h"
 #include "brash_ice_rig/math/repeatable.h"
 #include "brash_ice_rig/rig/crane_motion.h"
 #include "brash_ice_rig/rig/rig_commands.h"
@@ -16,8 +17,6 @@
 
 namespace brash_ice_rig {
 namespace {
-
-constexpr double kDegree = 3.14159265358979323846 / 180.0;
 
 /// Absorbs round-off where lengths that were meant to be equal are compared, m.
 constexpr double kLengthTolerance = 1.0e-9;
@@ -217,7 +216,7 @@ double bytesPerParticle(const SolverConfig& solver) {
   const double growth =
       solver.smoothing_length == SmoothingLength::kVariable ? smoothingGrowth(solver.volume_ratio_limit) : 1.0;
   const double reach = 2.0 * solver.smoothing_ratio * growth + solver.neighbour_skin_ratio;  // in spacings
-  return kState + kNeighbour * 4.0 / 3.0 * std::acos(-1.0) * reach * reach * reach;
+  return kState + kNeighbour * 4.0 / 3.0 * kPi * reach * reach * reach;
 }
 
 double latticeThickness(const FieldConfig& field) {

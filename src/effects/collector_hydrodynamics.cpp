@@ -2,13 +2,12 @@
 #include <cmath>
 
 #include "brash_ice_rig/effects/effect.h"
+#include "brash_ice_rig/math/angle.h"
 #include "brash_ice_rig/math/repeatable.h"
 #include "brash_ice_rig/rig/collector.h"
 
 namespace brash_ice_rig {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 /// Water resists the collector: F = -1/2 rho C_d A v |v| and an added mass C_a rho V, vertical, in still water.
 ///

@@ -4,35 +4,50 @@
 #include "brash_ice_rig/config/config_error.h"
 #include "brash_ice_rig/config/number_check.h"
 #include "brash_ice_rig/effects/effect.h"
+#include "brash_ice_rig/math/angle.h"
 #include "brash_ice_rig/math/repeatable.h"
 
 namespace brash_ice_rig {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-
-/// The pole does not go straight up: along one direction it moves by s(t) = u t + A sin(2 pi t / T), faded in from
-/// time 0. It stays vertical; what a tilt changes in the net's shape is of second order in its angle.
+/// The pole does not go straight up: along one direction its foot moves by s(t) = u t + A sin(2 pi t / T), faded in
+/// from time 0. Where its top stays behind, the pole leans, and a load cell between hook and pole reads along it:
+/// sideways
+///   -tension s / length
+/// and nothing of the ice, which is held by what moves the foot. Where the top moves along, the cell reads what the ice
+/// resists. Net and contact stay as under an upright pole: what the angle changes there is of second order in it.
 class PoleTilt : public Effect {
  public:
-  explicit PoleTilt(const EffectValues& values)
-      : drift_(values["drift_mps"]),
+  PoleTilt(const EffectValues& values, double pole_length_m)
+      : lean_(values["lean_ratio"]),
+        pole_length_m_(pole_length_m),
+        drift_(values["drift_mps"]),
         sway_(values["sway_m"]),
         frequency_(2.0 * kPi / values["sway_period_s"]),
         direction_(repeatable::cos(values["direction_deg"] * kPi / 180.0),
                    repeatable::sin(values["direction_deg"] * kPi / 180.0), 0.0) {}
 
   void updateSuspension(const RigNow& rig, Suspension& suspension) override {
-    const double angle = frequency_ * rig.time_s;
-    Motion path;
-    path.position_m = (drift_ * rig.time_s + sway_ * repeatable::sin(angle)) * direction_;
-    path.velocity_mps = (drift_ + sway_ * frequency_ * repeatable::cos(angle)) * direction_;
-    path.acceleration_mps2 = -sway_ * frequency_ * frequency_ * repeatable::sin(angle) * direction_;
-    suspension.point += fadeIn(path, rig.time_s);
+    suspension.point += motionAt(rig.time_s);
+  }
+
+  void updateReading(double time_s, double /*time_step_s*/, Eigen::Vector3d& force_n) override {
+    if (lean_ == 0.0) return;
+    const Eigen::Vector3d leaning_n = -force_n.z() / pole_length_m_ * motionAt(time_s).position_m;
+    force_n.head<2>() += lean_ * (leaning_n - force_n).head<2>();
   }
 
  private:
-  double drift_, sway_, frequency_;
+  Motion motionAt(double time_s) const {
+    const double angle = frequency_ * time_s;
+    Motion path;
+    path.position_m = (drift_ * time_s + sway_ * repeatable::sin(angle)) * direction_;
+    path.velocity_mps = (drift_ + sway_ * frequency_ * repeatable::cos(angle)) * direction_;
+    path.acceleration_mps2 = -sway_ * frequency_ * frequency_ * repeatable::sin(angle) * direction_;
+    return fadeIn(path, time_s);
+  }
+
+  double lean_, pole_length_m_, drift_, sway_, frequency_;
   Eigen::Vector3d direction_;
 };
 
@@ -66,12 +81,17 @@ EffectDescription describePoleTilt() {
       shape("sway_period_s", "s", 15.0, {2.0, 300.0}, {PriorKind::kLogNormal, 15.0, 0.5}, "period of swaying"),
       shape("direction_deg", "deg", 0.0, {-180.0, 180.0}, {PriorKind::kUniform, -180.0, 180.0},
             "direction of both, counted from x towards y"),
+      setting(
+          "lean_ratio", "1", 1.0, {0.0, 1.0},
+          "1 = the top of the pole stays where it is and the pole leans, 0 = the top moves along; in between mixed"),
   };
   d.confusable_with = {"thickness_field", "vessel_heave"};
   d.how_to_tell = "a load cell with lateral channels, or a camera on the pole";
   d.acts_sideways = true;
   d.in_energy_balance = true;
-  d.make = [](const EffectValues& values, const Scenario&) { return std::make_unique<PoleTilt>(values); };
+  d.make = [](const EffectValues& values, const Scenario& scenario) {
+    return std::make_unique<PoleTilt>(values, scenario.collector.pole_length_m);
+  };
   d.check = checkPath;
   return d;
 }

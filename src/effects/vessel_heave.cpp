@@ -4,12 +4,12 @@
 
 #include "brash_ice_rig/effects/effect.h"
 
+#include "brash_ice_rig/math/angle.h"
 #include "brash_ice_rig/math/repeatable.h"
 
 namespace brash_ice_rig {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr int kLines = 3;
 
 /// The ship heaves and takes the crane along: z(t) = sum of A_k sin(2 pi t / T_k + phi_k), faded in from time 0.

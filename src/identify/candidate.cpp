@@ -6,13 +6,15 @@
 #include <memory>
 #include <optional>
 
+#include <Eigen/QR>
+
 #include "brash_ice_rig/config/number_check.h"
 #include "brash_ice_rig/effects/effect.h"
+#include "brash_ice_rig/math/angle.h"
 
 namespace brash_ice_rig {
 namespace {
 
-constexpr double kDegree = 3.14159265358979323846 / 180.0;
 constexpr double kFallDurationS = 1.0;
 constexpr double kTwoSided95 = 1.96;
 
@@ -265,29 +267,42 @@ Variant makeSwell(const std::vector<double>& periods_s) {
   return v;
 }
 
-std::vector<Variant> makeTilts(double direction_deg) {
+std::vector<Variant> makeTilts(double direction_deg, const Eigen::VectorXd& time_s, const Eigen::VectorXd& way_m) {
+  assert(time_s.size() == way_m.size());
   const EffectDescription& effect = describedAs("pole_tilt");
   const EffectParameter &drift = parameterOf(effect, "drift_mps"), &sway = parameterOf(effect, "sway_m"),
                         &period = parameterOf(effect, "sway_period_s");
   constexpr double kDirectionSigmaDeg = 10.0;
   std::vector<Variant> variants;
   // The last of the sizes goes along the direction or against it, and the others with it.
-  const auto add = [&](const std::vector<const EffectParameter*>& sizes, const std::optional<double>& period_s) {
+  const auto add = [&](double lean_ratio, const std::vector<const EffectParameter*>& sizes,
+                       const std::optional<double>& period_s) {
     Variant v;
     v.effect = &effect;
-    v.label = "direction_deg = " + formatNumber(direction_deg);
+    v.label = "direction_deg = " + formatNumber(direction_deg) + ", lean_ratio = " + formatNumber(lean_ratio);
     if (period_s) v.label += ", sway_period_s = " + formatNumber(*period_s) + (sizes.size() > 1 ? " and drift" : "");
-    for (const EffectParameter* size : sizes) {
-      v.amplitudes.push_back(makeAmplitude(*size));
-      v.amplitudes.back().positive = false;
-      v.amplitudes.back().least = -size->range.max;
+    Eigen::MatrixXd way_per_unit(time_s.size(), static_cast<Eigen::Index>(sizes.size()));
+    for (std::size_t k = 0; k < sizes.size(); ++k) {
+      way_per_unit.col(static_cast<Eigen::Index>(k)) =
+          sizes[k] == &drift ? time_s : (time_s.array() * (360.0 * kDegree / period_s.value_or(1.0))).sin().matrix();
+    }
+    const Eigen::VectorXd fitted = way_per_unit.colPivHouseholderQr().solve(way_m);
+    for (std::size_t k = 0; k < sizes.size(); ++k) {
+      Amplitude a = makeAmplitude(*sizes[k]);
+      a.positive = false;
+      a.least = -a.most;
+      // What the way does to the vertical force is the same to both sides, and scatters as much for a small one.
+      const double fit = fitted[static_cast<Eigen::Index>(k)];
+      if (lean_ratio > 0.0) a.step = std::copysign(std::clamp(std::abs(fit), a.step, a.most), fit);
+      v.amplitudes.push_back(a);
     }
     const auto signOf = [](const Eigen::VectorXd& a) { return a[a.size() - 1] < 0.0 ? -1.0 : 1.0; };
     const auto directionOf = [direction_deg](double sign) {
       return sign > 0.0 ? direction_deg : direction_deg > 0.0 ? direction_deg - 180.0 : direction_deg + 180.0;
     };
-    v.apply = [sizes, period_s, signOf, directionOf](EffectValues& values, const Eigen::VectorXd& a) {
+    v.apply = [lean_ratio, sizes, period_s, signOf, directionOf](EffectValues& values, const Eigen::VectorXd& a) {
       values.enabled = true;
+      values.set("lean_ratio", lean_ratio);
       values.set("drift_mps", 0.0);
       values.set("sway_m", 0.0);
       const double sign = signOf(a);
@@ -311,12 +326,14 @@ std::vector<Variant> makeTilts(double direction_deg) {
     };
     variants.push_back(std::move(v));
   };
-  add({&drift}, std::nullopt);
-  // A pole that is pushed aside and comes part of the way back is slower than the lift.
-  for (const double deviations : {-1.0, 0.0, 1.0, 2.0}) {
-    const double period_s = clampTo(period, period.prior.a * std::exp(deviations * period.prior.b));
-    add({&sway}, period_s);
-    if (deviations > 0.0) add({&drift, &sway}, period_s);
+  for (const double lean_ratio : {1.0, 0.0}) {
+    add(lean_ratio, {&drift}, std::nullopt);
+    // A pole that is pushed aside and comes part of the way back is slower than the lift.
+    for (const double deviations : {-1.0, 0.0, 1.0, 2.0}) {
+      const double period_s = clampTo(period, period.prior.a * std::exp(deviations * period.prior.b));
+      add(lean_ratio, {&sway}, period_s);
+      if (deviations > 0.0) add(lean_ratio, {&drift, &sway}, period_s);
+    }
   }
   return variants;
 }
@@ -328,7 +345,7 @@ Eigen::VectorXd fallTemplate(double time_s, const Eigen::VectorXd& bin_time_s) {
 Eigen::MatrixXd swellResponse(const Eigen::MatrixXd& simulated, double simulated_period_s, double period_s,
                               const Eigen::VectorXd& time_s, const Eigen::VectorXd& mass_kg) {
   assert(simulated.cols() == 2 && simulated.rows() == time_s.size() && mass_kg.size() == time_s.size());
-  const double pitch = 2.0 * std::acos(-1.0) / period_s, simulated_pitch = 2.0 * std::acos(-1.0) / simulated_period_s;
+  const double pitch = 2.0 * kPi / period_s, simulated_pitch = 2.0 * kPi / simulated_period_s;
   Eigen::MatrixXd columns(simulated.rows(), 2);
   for (Eigen::Index i = 0; i < columns.rows(); ++i) {
     // sin(p' t) = sin(p t) cos((p' - p) t) + cos(p t) sin((p' - p) t), and the force answers to the swell of that

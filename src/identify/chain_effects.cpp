@@ -1,4 +1,5 @@
 #include "brash_ice_rig/identify/chain.h"
+#include "brash_ice_rig/math/angle.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,6 +10,27 @@ namespace {
 
 /// Swell whose effect is simulated in order to know what others would do.
 constexpr double kSwellPeriodS = 6.0;
+
+/// pole_tilt for a record with lateral channels.
+std::vector<Variant> tiltsSeenSideways(const Site& site, double direction_deg) {
+  // Where the cell carries little, noise would pass for a lean.
+  constexpr double kLeastShare = 0.2;
+  const Observation& o = site.observation();
+  const CollectorConfig& rig = site.scenario.collector;
+  const Eigen::VectorXd tension_n = o.force_n.array() + (rig.mass_kg + rig.pole_mass_kg) * kGravityMps2;
+  const double direction = direction_deg * kDegree;
+  std::vector<double> time_s, way_m;
+  for (Eigen::Index i = 0; i < o.time_s.size(); ++i) {
+    if (o.time_s[i] < 0.0 || tension_n[i] < kLeastShare * tension_n.maxCoeff()) continue;
+    const double along_n = o.lateral_n(i, 0) * std::cos(direction) + o.lateral_n(i, 1) * std::sin(direction);
+    time_s.push_back(o.time_s[i]);
+    way_m.push_back(-along_n / tension_n[i] * rig.pole_length_m);
+  }
+  const auto vector = [](const std::vector<double>& values) {
+    return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
+  };
+  return makeTilts(direction_deg, vector(time_s), vector(way_m));
+}
 
 }  // namespace
 
@@ -21,7 +43,8 @@ void Chain::addVariants() {
   for (const EffectDescription& effect : effectRegistry()) {
     if (sites_.front().scenario.effects[effect.name].enabled) continue;  // the baseline has it already
     const bool seen_sideways = lateral_direction_deg_ && std::string(effect.name) == "pole_tilt";
-    for (Variant& variant : seen_sideways ? makeTilts(*lateral_direction_deg_) : makeVariants(effect, position)) {
+    for (Variant& variant :
+         seen_sideways ? tiltsSeenSideways(sites_.front(), *lateral_direction_deg_) : makeVariants(effect, position)) {
       variants_.push_back(std::make_unique<Variant>(std::move(variant)));
     }
     if (std::string(effect.name) == "vessel_heave" && sites_.front().observation().ice_contact) {

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "brash_ice_rig/material/cap_model.h"
+#include "brash_ice_rig/math/angle.h"
 
 namespace brash_ice_rig {
 namespace {
@@ -125,7 +126,7 @@ void Chain::addLateralSites() {
   for (Eigen::Index i = 0; i < all.time_s.size(); ++i) {
     if (all.time_s[i] > 0.0) sum += all.lateral_n.row(i).transpose() * all.lateral_n.row(i);
   }
-  constexpr double kDegree = 3.14159265358979323846 / 180.0, kGridDeg = 5.0;
+  constexpr double kGridDeg = 5.0;
   lateral_direction_deg_ =
       kGridDeg * std::round(0.5 * std::atan2(2.0 * sum(0, 1), sum(0, 0) - sum(1, 1)) / kDegree / kGridDeg);
   for (const double across_deg : {0.0, 90.0}) {
@@ -260,18 +261,18 @@ void Chain::stackRecords() {
   setErrors(baseline_offset_, Eigen::VectorXd::Zero(unknowns()));
 }
 
-/// Covariance of what a lateral channel is off: what arrangements of the blocks differ by, and the share of the force
-/// that a cell reads sideways which hangs one degree off the vertical.
+/// Covariance of what a lateral channel is off: what arrangements of the blocks differ by, and what a cell reads
+/// sideways that hangs one degree off the vertical, a fifth of it more or less as the lift goes on.
 Eigen::MatrixXd Chain::lateralDiscrepancy(const Site& site) const {
-  constexpr double kAskewRad = 0.0175;
+  constexpr double kAskewRad = 0.0175, kChangingShare = 0.2;
   const Site& vertical = sites_[site.record];
-  Eigen::VectorXd sigma(site.rows());
-  for (Eigen::Index i = 0; i < site.rows(); ++i) {
-    sigma[i] = std::hypot(site.chaos_n[i], kAskewRad * vertical.mean_n[i * kLateralThinning]);
-  }
+  Eigen::VectorXd askew_n(site.rows());
+  for (Eigen::Index i = 0; i < site.rows(); ++i) askew_n[i] = kAskewRad * vertical.mean_n[i * kLateralThinning];
+  const Eigen::VectorXd changing_n =
+      (site.chaos_n.array().square() + (kChangingShare * askew_n).array().square()).sqrt();
   Discrepancy whole;
   whole.form_share = 1.0;
-  return computeFormCovariance(whole, site.observation(), sigma);
+  return computeFormCovariance(whole, site.observation(), changing_n) + askew_n * askew_n.transpose();
 }
 
 /// Covariance of what the simulator is off for a force as large as this curve of the baseline. Its shape is that of the

@@ -8,6 +8,8 @@
 
 #include <nlopt.hpp>
 
+#include "brash_ice_rig/math/angle.h"
+
 namespace brash_ice_rig {
 namespace {
 
@@ -37,7 +39,7 @@ Solution solve(const Eigen::VectorXd& y, const LinearModel& m, const FactoredErr
   const Eigen::VectorXd r = llt.matrixL().solve(y - m.offset - m.columns * m.prior_mean);
   Solution s;
   const double n = static_cast<double>(y.size());
-  s.log_evidence = -0.5 * (r.squaredNorm() + logDeterminant(llt) + n * std::log(2.0 * std::acos(-1.0)));
+  s.log_evidence = -0.5 * (r.squaredNorm() + logDeterminant(llt) + n * std::log(2.0 * kPi));
   s.log_evidence += errors.log_prior;
   const Eigen::Index count = m.columns.cols();
   s.x = m.prior_mean;
@@ -168,7 +170,7 @@ struct HeldModel {
 
   double logPrior(double a) const {
     const double z = (a - prior_mean) / prior_sigma;
-    return -0.5 * z * z - std::log(prior_sigma * std::sqrt(2.0 * std::acos(-1.0))) + (positive ? std::log(2.0) : 0.0);
+    return -0.5 * z * z - std::log(prior_sigma * std::sqrt(2.0 * kPi)) + (positive ? std::log(2.0) : 0.0);
   }
 };
 

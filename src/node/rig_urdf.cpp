@@ -4,13 +4,12 @@
 #include <locale>
 #include <sstream>
 
+#include "brash_ice_rig/math/angle.h"
 #include "brash_ice_rig/node/topic_names.h"
 #include "brash_ice_rig/rig/collector.h"
 
 namespace brash_ice_rig {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 /// Writes the elements of one URDF; lengths in m, angles in rad.
 class UrdfText {

@@ -4,12 +4,12 @@
 #include <array>
 #include <cmath>
 
+#include "brash_ice_rig/math/angle.h"
 #include "brash_ice_rig/math/repeatable.h"
 
 namespace brash_ice_rig {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kSector = 2.0 * kPi / kArmCount;
 /// Arms that did not lock hang down no further than this.
 constexpr double kDroopAngle = -60.0 * kPi / 180.0;

@@ -5,12 +5,11 @@
 #include <limits>
 #include <utility>
 
+#include "brash_ice_rig/math/angle.h"
 #include "brash_ice_rig/math/repeatable.h"
 
 namespace brash_ice_rig {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 /// Radius of a disc as large as the sections of `count` particles, m.
 double discRadius(std::size_t count, double spacing_m) {

@@ -5,13 +5,12 @@
 #include <gtest/gtest.h>
 
 #include "brash_ice_rig/config/config_error.h"
+#include "brash_ice_rig/math/angle.h"
 #include "brash_ice_rig/simulation/simulation.h"
 #include "effect_bench.h"
 
 namespace brash_ice_rig {
 namespace {
-
-const double kPi = std::acos(-1.0);
 
 // ---- vessel_heave
 
@@ -79,7 +78,8 @@ TEST(VesselHeave, EnergyOfTheRigIsStillFound) {
 
 TEST(PoleTilt, HubDriftsAndSwaysAlongItsDirection) {
   Scenario s = rigInTheAir();
-  enable(s, "pole_tilt", {{"drift_mps", 0.01}, {"sway_m", 0.1}, {"sway_period_s", 8.0}, {"direction_deg", 30.0}});
+  enable(s, "pole_tilt",
+         {{"drift_mps", 0.01}, {"sway_m", 0.1}, {"sway_period_s", 8.0}, {"direction_deg", 30.0}, {"lean_ratio", 0.0}});
   Simulation simulation(s);
   simulation.advance(0.5 + 5.0);
   const double way = 0.01 * 5.0 + 0.1 * std::sin(2.0 * kPi * 5.0 / 8.0);
@@ -90,9 +90,22 @@ TEST(PoleTilt, HubDriftsAndSwaysAlongItsDirection) {
   EXPECT_NEAR(now.load_cell_force_n.y(), 240.0 * acceleration * 0.5, 1e-8) << "a lateral channel sees it";
 }
 
+TEST(PoleTilt, LoadCellReadsAlongALeaningPole) {
+  Scenario s = rigInTheAir();
+  enable(s, "pole_tilt", {{"drift_mps", 0.06}, {"direction_deg", -90.0}, {"lean_ratio", 0.5}});
+  Simulation simulation(s);
+  simulation.advance(0.5 + 5.0);
+  // 0.3 m at the foot of 6 m, half of it by leaning: 1/40 of the weight of 240 kg points back, towards +y. At a steady
+  // speed in the air nothing resists.
+  const Snapshot now = simulation.snapshot();
+  EXPECT_NEAR(now.load_cell_force_n.y(), 240.0 * 9.81 / 40.0, 1e-6);
+  EXPECT_NEAR(now.load_cell_force_n.x(), 0.0, 1e-9);
+  EXPECT_NEAR(now.tension_n, 240.0 * 9.81, 1e-9) << "what the crane carries is as before";
+}
+
 TEST(PoleTilt, IceHoldsThePoleBack) {
   Scenario s = smallLift();
-  enable(s, "pole_tilt", {{"drift_mps", 0.05}, {"direction_deg", 90.0}});
+  enable(s, "pole_tilt", {{"drift_mps", 0.05}, {"direction_deg", 90.0}, {"lean_ratio", 0.0}});
   Simulation simulation(s);
   simulation.advance(3.0);
   EXPECT_GT(simulation.snapshot().load_cell_force_n.y(), 50.0);

@@ -151,8 +151,9 @@ TEST(Candidates, AmplitudesStayWhereTheyCanBeSimulated) {
 }
 
 TEST(Candidates, TiltSeenSidewaysGoesBothWaysAlongItsDirection) {
-  const std::vector<Variant> tilts = makeTilts(30.0);
-  ASSERT_EQ(tilts.size(), 7u);  // drift, sway of four periods, drift with the two longer ones
+  const Eigen::VectorXd time_s = Eigen::VectorXd::LinSpaced(41, 0.0, 40.0);
+  const std::vector<Variant> tilts = makeTilts(30.0, time_s, -0.012 * time_s);
+  ASSERT_EQ(tilts.size(), 14u);  // drift, sway of four periods, drift with the two longer ones: leaning, then upright
   EffectsConfig effects;
   EffectValues& values = effects["pole_tilt"];
   tilts[0].apply(values, Eigen::VectorXd::Constant(1, -0.004));
@@ -160,6 +161,11 @@ TEST(Candidates, TiltSeenSidewaysGoesBothWaysAlongItsDirection) {
   EXPECT_DOUBLE_EQ(values["drift_mps"], 0.004);
   EXPECT_DOUBLE_EQ(values["direction_deg"], -150.0);
   EXPECT_EQ(values["sway_m"], 0.0);
+  EXPECT_EQ(values["lean_ratio"], 1.0);
+  EXPECT_NEAR(tilts[0].amplitudes[0].step, -0.012, 1e-12) << "where a lean fits the lateral force";
+  EXPECT_NEAR(tilts[4].amplitudes[0].step, -0.012, 1e-12) << "and none of it is swaying";
+  EXPECT_NEAR(std::abs(tilts[4].amplitudes[1].step), 0.1, 1e-12);
+  EXPECT_EQ(tilts[7].amplitudes[0].step, 0.005) << "an upright pole reads the ice instead";
   tilts[2].apply(values, Eigen::VectorXd::Constant(1, 0.1));  // the second sway
   EXPECT_DOUBLE_EQ(values["sway_m"], 0.1);
   EXPECT_DOUBLE_EQ(values["direction_deg"], 30.0);

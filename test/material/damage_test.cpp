@@ -11,13 +11,12 @@
 #include <vector>
 
 #include "brash_ice_rig/material/cap_model.h"
+#include "brash_ice_rig/math/angle.h"
 #include "element.h"
 #include "set_one.h"
 
 namespace brash_ice_rig {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 /// With damage: the fracture energies of Table 7, column B, are the defaults.
 CapParameters withDamage(CapParameters parameters, double element_length_m, bool gap_memory = false) {

@@ -2,10 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include "brash_ice_rig/math/angle.h"
+
 namespace brash_ice_rig {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 TEST(CubicSpline, IntegratesToOneOverItsSupport) {
   const CubicSpline kernel{0.36};

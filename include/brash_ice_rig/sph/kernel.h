@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "brash_ice_rig/math/angle.h"
 #include "brash_ice_rig/math/repeatable.h"
 
 namespace brash_ice_rig {
@@ -30,10 +31,7 @@ struct CubicSpline {
   }
 
  private:
-  double scale() const {
-    constexpr double kPi = 3.14159265358979323846;
-    return 1.0 / (kPi * smoothing_length_m * smoothing_length_m * smoothing_length_m);
-  }
+  double scale() const { return 1.0 / (kPi * smoothing_length_m * smoothing_length_m * smoothing_length_m); }
 };
 
 /// Smoothing length of a particle that follows its volume, over the one at rest: the cube root of V / V_0, at least 0.2

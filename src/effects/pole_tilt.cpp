@@ -10,9 +10,10 @@
 namespace brash_ice_rig {
 namespace {
 
-/// The pole does not go straight up: along one direction its foot moves by s(t) = u t + A sin(2 pi t / T), faded in
-/// from time 0. Where its top stays behind, the pole leans, and a load cell between hook and pole reads along it:
-/// sideways
+/// The pole does not go straight up: along one direction its foot moves by
+///   s(t) = u t + A (sin(2 pi t / T + phase) - sin(phase))
+/// faded in from time 0. Where its top stays behind, the pole leans, and a load cell between hook and pole reads along
+/// it: sideways
 ///   -tension s / length
 /// and nothing of the ice, which is held by what moves the foot. Where the top moves along, the cell reads what the ice
 /// resists. Net and contact stay as under an upright pole: what the angle changes there is of second order in it.
@@ -24,6 +25,7 @@ class PoleTilt : public Effect {
         drift_(values["drift_mps"]),
         sway_(values["sway_m"]),
         frequency_(2.0 * kPi / values["sway_period_s"]),
+        phase_(values["sway_phase_deg"] * kDegree),
         direction_(repeatable::cos(values["direction_deg"] * kPi / 180.0),
                    repeatable::sin(values["direction_deg"] * kPi / 180.0), 0.0) {}
 
@@ -39,15 +41,15 @@ class PoleTilt : public Effect {
 
  private:
   Motion motionAt(double time_s) const {
-    const double angle = frequency_ * time_s;
+    const double angle = frequency_ * time_s + phase_;
     Motion path;
-    path.position_m = (drift_ * time_s + sway_ * repeatable::sin(angle)) * direction_;
+    path.position_m = (drift_ * time_s + sway_ * (repeatable::sin(angle) - repeatable::sin(phase_))) * direction_;
     path.velocity_mps = (drift_ + sway_ * frequency_ * repeatable::cos(angle)) * direction_;
     path.acceleration_mps2 = -sway_ * frequency_ * frequency_ * repeatable::sin(angle) * direction_;
     return fadeIn(path, time_s);
   }
 
-  double lean_, pole_length_m_, drift_, sway_, frequency_;
+  double lean_, pole_length_m_, drift_, sway_, frequency_, phase_;
   Eigen::Vector3d direction_;
 };
 
@@ -58,7 +60,8 @@ std::string rounded(double value) {
 /// The collector has to stay clear of the fixed edge of the field until the script ends.
 void checkPath(const EffectValues& values, const Scenario& scenario) {
   const double duration = scenario.procedure.lift_duration_s + scenario.procedure.hold_duration_s;
-  const double way = std::abs(values["drift_mps"]) * duration + values["sway_m"];
+  const double swayed = values["sway_m"] * (1.0 + std::abs(repeatable::sin(values["sway_phase_deg"] * kDegree)));
+  const double way = std::abs(values["drift_mps"]) * duration + swayed;
   const double side = std::min(scenario.field.length_x_m, scenario.field.length_y_m);
   const double room = 0.5 * side - 2.0 * scenario.field.spacing_m - scenario.collector.radius_m;
   if (way <= room + 1.0e-9) return;
@@ -79,6 +82,8 @@ EffectDescription describePoleTilt() {
       amplitude("sway_m", "m", 0.0, {0.0, 2.0}, {PriorKind::kHalfNormal, 0.0, 0.1}, false,
                 "amplitude of swaying sideways"),
       shape("sway_period_s", "s", 15.0, {2.0, 300.0}, {PriorKind::kLogNormal, 15.0, 0.5}, "period of swaying"),
+      shape("sway_phase_deg", "deg", 0.0, {-180.0, 180.0}, {PriorKind::kUniform, -180.0, 180.0},
+            "where in its period it starts: at 0 fastest, at -90 from rest"),
       shape("direction_deg", "deg", 0.0, {-180.0, 180.0}, {PriorKind::kUniform, -180.0, 180.0},
             "direction of both, counted from x towards y"),
       setting(

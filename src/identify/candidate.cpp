@@ -271,24 +271,29 @@ std::vector<Variant> makeTilts(double direction_deg, const Eigen::VectorXd& time
   assert(time_s.size() == way_m.size());
   const EffectDescription& effect = describedAs("pole_tilt");
   const EffectParameter &drift = parameterOf(effect, "drift_mps"), &sway = parameterOf(effect, "sway_m"),
-                        &period = parameterOf(effect, "sway_period_s");
+                        &period = parameterOf(effect, "sway_period_s"), &phase = parameterOf(effect, "sway_phase_deg");
   constexpr double kDirectionSigmaDeg = 10.0;
+  struct Size {
+    const EffectParameter* parameter;
+    const char* part;
+    Eigen::VectorXd way_per_unit;
+  };
   std::vector<Variant> variants;
-  // The last of the sizes goes along the direction or against it, and the others with it.
-  const auto add = [&](double lean_ratio, const std::vector<const EffectParameter*>& sizes,
-                       const std::optional<double>& period_s) {
+  // Sizes: drift or none, then sine and cosine of the sway or none.
+  const auto add = [&](double lean_ratio, const std::vector<Size>& sizes, const std::optional<double>& period_s) {
+    const bool drifts = sizes.front().parameter == &drift;
     Variant v;
     v.effect = &effect;
     v.label = "direction_deg = " + formatNumber(direction_deg) + ", lean_ratio = " + formatNumber(lean_ratio);
-    if (period_s) v.label += ", sway_period_s = " + formatNumber(*period_s) + (sizes.size() > 1 ? " and drift" : "");
+    if (period_s) v.label += ", sway_period_s = " + formatNumber(*period_s) + (drifts ? " and drift" : "");
     Eigen::MatrixXd way_per_unit(time_s.size(), static_cast<Eigen::Index>(sizes.size()));
     for (std::size_t k = 0; k < sizes.size(); ++k) {
-      way_per_unit.col(static_cast<Eigen::Index>(k)) =
-          sizes[k] == &drift ? time_s : (time_s.array() * (360.0 * kDegree / period_s.value_or(1.0))).sin().matrix();
+      way_per_unit.col(static_cast<Eigen::Index>(k)) = sizes[k].way_per_unit;
     }
     const Eigen::VectorXd fitted = way_per_unit.colPivHouseholderQr().solve(way_m);
     for (std::size_t k = 0; k < sizes.size(); ++k) {
-      Amplitude a = makeAmplitude(*sizes[k]);
+      Amplitude a = makeAmplitude(*sizes[k].parameter);
+      a.name += sizes[k].part;
       a.positive = false;
       a.least = -a.most;
       // What the way does to the vertical force is the same to both sides, and scatters as much for a small one.
@@ -296,43 +301,58 @@ std::vector<Variant> makeTilts(double direction_deg, const Eigen::VectorXd& time
       if (lean_ratio > 0.0) a.step = std::copysign(std::clamp(std::abs(fit), a.step, a.most), fit);
       v.amplitudes.push_back(a);
     }
-    const auto signOf = [](const Eigen::VectorXd& a) { return a[a.size() - 1] < 0.0 ? -1.0 : 1.0; };
-    const auto directionOf = [direction_deg](double sign) {
-      return sign > 0.0 ? direction_deg : direction_deg > 0.0 ? direction_deg - 180.0 : direction_deg + 180.0;
+    const auto swayOf = [drifts](const Eigen::VectorXd& a) {
+      const Eigen::Index first = drifts ? 1 : 0;
+      return Eigen::Vector2d(first < a.size() ? a[first] : 0.0, first + 1 < a.size() ? a[first + 1] : 0.0);
     };
-    v.apply = [lean_ratio, sizes, period_s, signOf, directionOf](EffectValues& values, const Eigen::VectorXd& a) {
+    v.apply = [=, &drift, &sway](EffectValues& values, const Eigen::VectorXd& a) {
       values.enabled = true;
       values.set("lean_ratio", lean_ratio);
-      values.set("drift_mps", 0.0);
-      values.set("sway_m", 0.0);
-      const double sign = signOf(a);
+      values.set("direction_deg", direction_deg);
+      values.set("drift_mps", drifts ? clampTo(drift, a[0]) : 0.0);
+      const Eigen::Vector2d swaying = swayOf(a);
+      values.set("sway_m", clampTo(sway, swaying.norm()));
       // Without sway its period would only make another scenario of the same lift.
-      if (period_s && a[a.size() - 1] != 0.0) values.set("sway_period_s", *period_s);
-      for (std::size_t k = 0; k < sizes.size(); ++k) {
-        values.set(sizes[k]->name, clampTo(*sizes[k], sign * a[static_cast<Eigen::Index>(k)]));
-      }
-      values.set("direction_deg", directionOf(sign));
+      if (swaying.isZero(0.0)) return;
+      values.set("sway_period_s", *period_s);
+      values.set("sway_phase_deg", std::atan2(swaying.y(), swaying.x()) / kDegree);
     };
-    v.estimate = [&effect, sizes, signOf, directionOf](const Eigen::VectorXd& a, const Eigen::MatrixXd& covariance) {
+    v.estimate = [=, &effect, &drift, &sway, &phase](const Eigen::VectorXd& a, const Eigen::MatrixXd& covariance) {
       std::vector<ParameterEstimate> estimates;
-      const double sign = signOf(a);
-      for (std::size_t k = 0; k < sizes.size(); ++k) {
-        const auto i = static_cast<Eigen::Index>(k);
-        estimates.push_back(estimateOf(effect, *sizes[k], sign * a[i], std::sqrt(covariance(i, i))));
+      if (drifts) estimates.push_back(estimateOf(effect, drift, a[0], std::sqrt(covariance(0, 0))));
+      const Eigen::Vector2d swaying = swayOf(a);
+      const double size = swaying.norm();
+      if (period_s) {
+        const Eigen::Index first = drifts ? 1 : 0, parts = a.size() - first;
+        const Eigen::VectorXd along =
+            size > 0.0 ? Eigen::VectorXd(swaying.head(parts) / size) : Eigen::VectorXd::Unit(parts, 0);
+        const Eigen::MatrixXd c = covariance.block(first, first, parts, parts);
+        estimates.push_back(estimateOf(effect, sway, size, std::sqrt(along.dot(c * along))));
+        if (parts == 2) {
+          const Eigen::Vector2d across(-along[1], along[0]);
+          estimates.push_back(estimateOf(effect, phase, std::atan2(swaying.y(), swaying.x()) / kDegree,
+                                         size > 0.0 ? std::sqrt(across.dot(c * across)) / size / kDegree : 180.0));
+        }
       }
-      estimates.push_back(
-          estimateOf(effect, parameterOf(effect, "direction_deg"), directionOf(sign), kDirectionSigmaDeg));
+      estimates.push_back(estimateOf(effect, parameterOf(effect, "direction_deg"), direction_deg, kDirectionSigmaDeg));
       return estimates;
     };
     variants.push_back(std::move(v));
   };
   for (const double lean_ratio : {1.0, 0.0}) {
-    add(lean_ratio, {&drift}, std::nullopt);
+    const Size drifting{&drift, "", time_s};
+    add(lean_ratio, {drifting}, std::nullopt);
     // A pole that is pushed aside and comes part of the way back is slower than the lift.
     for (const double deviations : {-1.0, 0.0, 1.0, 2.0}) {
       const double period_s = clampTo(period, period.prior.a * std::exp(deviations * period.prior.b));
-      add(lean_ratio, {&sway}, period_s);
-      if (deviations > 0.0) add(lean_ratio, {&drift, &sway}, period_s);
+      const Eigen::ArrayXd angle = time_s.array() * (2.0 * kPi / period_s);
+      std::vector<Size> sizes{{&sway, " (sine)", angle.sin()}};
+      // A lean is seen by where the foot is, which one may know to a centimetre: worth another run.
+      if (lean_ratio > 0.0) sizes.push_back({&sway, " (cosine)", angle.cos() - 1.0});
+      add(lean_ratio, sizes, period_s);
+      if (deviations <= 0.0) continue;
+      sizes.insert(sizes.begin(), drifting);
+      add(lean_ratio, sizes, period_s);
     }
   }
   return variants;

@@ -90,6 +90,15 @@ TEST(PoleTilt, HubDriftsAndSwaysAlongItsDirection) {
   EXPECT_NEAR(now.load_cell_force_n.y(), 240.0 * acceleration * 0.5, 1e-8) << "a lateral channel sees it";
 }
 
+TEST(PoleTilt, SwayFromRestGoesToOneSideAndBack) {
+  Scenario s = rigInTheAir();
+  enable(s, "pole_tilt",
+         {{"drift_mps", 0.0}, {"sway_m", 0.1}, {"sway_period_s", 8.0}, {"sway_phase_deg", -90.0}, {"lean_ratio", 0.0}});
+  Simulation simulation(s);
+  simulation.advance(0.5 + 4.0);  // half a period: 0.1 (1 - cos(180 deg))
+  EXPECT_NEAR(simulation.snapshot().rig.crane_position_m.x(), 0.2, 1e-12);
+}
+
 TEST(PoleTilt, LoadCellReadsAlongALeaningPole) {
   Scenario s = rigInTheAir();
   enable(s, "pole_tilt", {{"drift_mps", 0.06}, {"direction_deg", -90.0}, {"lean_ratio", 0.5}});

@@ -158,34 +158,50 @@ TEST(Candidates, TiltSeenSidewaysGoesBothWaysAlongItsDirection) {
   EffectValues& values = effects["pole_tilt"];
   tilts[0].apply(values, Eigen::VectorXd::Constant(1, -0.004));
   EXPECT_TRUE(values.enabled);
-  EXPECT_DOUBLE_EQ(values["drift_mps"], 0.004);
-  EXPECT_DOUBLE_EQ(values["direction_deg"], -150.0);
+  EXPECT_EQ(values["drift_mps"], -0.004);
+  EXPECT_EQ(values["direction_deg"], 30.0);
   EXPECT_EQ(values["sway_m"], 0.0);
   EXPECT_EQ(values["lean_ratio"], 1.0);
   EXPECT_NEAR(tilts[0].amplitudes[0].step, -0.012, 1e-12) << "where a lean fits the lateral force";
   EXPECT_NEAR(tilts[4].amplitudes[0].step, -0.012, 1e-12) << "and none of it is swaying";
   EXPECT_NEAR(std::abs(tilts[4].amplitudes[1].step), 0.1, 1e-12);
   EXPECT_EQ(tilts[7].amplitudes[0].step, 0.005) << "an upright pole reads the ice instead";
-  tilts[2].apply(values, Eigen::VectorXd::Constant(1, 0.1));  // the second sway
-  EXPECT_DOUBLE_EQ(values["sway_m"], 0.1);
-  EXPECT_DOUBLE_EQ(values["direction_deg"], 30.0);
-  EXPECT_DOUBLE_EQ(values["sway_period_s"], 15.0);
   for (const Variant& tilt : tilts) {
     EXPECT_LT(tilt.amplitudes[0].least, 0.0) << tilt.label;
     EXPECT_EQ(tilt.amplitudes[0].least, -tilt.amplitudes[0].most) << tilt.label;
   }
   const auto told = tilts[0].estimate(Eigen::VectorXd::Constant(1, -0.004), Eigen::MatrixXd::Constant(1, 1, 1e-6));
-  EXPECT_DOUBLE_EQ(told[0].value, 0.004);
-  EXPECT_DOUBLE_EQ(told[1].value, -150.0);
-  // Both together: the way at any time is minus the one with both signs turned.
-  const Variant& both = tilts.back();
-  ASSERT_EQ(both.amplitudes.size(), 2u);
-  both.apply(values, Eigen::Vector2d(0.006, -0.12));
-  EXPECT_DOUBLE_EQ(values["drift_mps"], -0.006);
+  EXPECT_EQ(told[0].value, -0.004);
+  EXPECT_EQ(told[1].value, 30.0);
+  const Variant& upright = tilts.back();
+  ASSERT_EQ(upright.amplitudes.size(), 2u);
+  upright.apply(values, Eigen::Vector2d(0.006, -0.12));
+  EXPECT_EQ(values["drift_mps"], 0.006);
+  EXPECT_EQ(values["lean_ratio"], 0.0);
   EXPECT_DOUBLE_EQ(values["sway_m"], 0.12);
-  EXPECT_DOUBLE_EQ(values["direction_deg"], -150.0);
+  EXPECT_DOUBLE_EQ(values["sway_phase_deg"], 180.0);
   EXPECT_NEAR(values["sway_period_s"], 15.0 * std::exp(1.0), 1e-12);
-  EXPECT_DOUBLE_EQ(both.estimate(Eigen::Vector2d(0.006, -0.12), Eigen::Matrix2d::Identity())[1].value, 0.12);
+  EXPECT_DOUBLE_EQ(upright.estimate(Eigen::Vector2d(0.006, -0.12), Eigen::Matrix2d::Identity())[1].value, 0.12);
+}
+
+TEST(Candidates, SineAndCosineOfASwayAreItsSizeAndPhase) {
+  const Eigen::VectorXd time_s = Eigen::VectorXd::LinSpaced(41, 0.0, 40.0);
+  const Variant sway = makeTilts(0.0, time_s, time_s)[2];
+  ASSERT_EQ(sway.amplitudes.size(), 2u);
+  EffectsConfig effects;
+  EffectValues& values = effects["pole_tilt"];
+  // 0.3 sin(p t) + 0.4 (cos(p t) - 1) = 0.5 (sin(p t + phase) - sin(phase)) with tan(phase) = 4/3
+  sway.apply(values, Eigen::Vector2d(0.3, 0.4));
+  EXPECT_DOUBLE_EQ(values["sway_m"], 0.5);
+  EXPECT_NEAR(values["sway_phase_deg"], 53.130102354, 1e-8);
+  EXPECT_EQ(values["drift_mps"], 0.0);
+  const auto told =
+      sway.estimate(Eigen::Vector2d(0.3, 0.4), Eigen::Vector2d(0.01, 0.04).cwiseAbs2().asDiagonal().toDenseMatrix());
+  ASSERT_EQ(told.size(), 3u);
+  // Errors along and across (0.6, 0.8).
+  EXPECT_NEAR(told[0].high - told[0].value, 1.96 * std::hypot(0.6 * 0.01, 0.8 * 0.04), 1e-12);
+  EXPECT_EQ(told[1].key, "effects.pole_tilt.sway_phase_deg");
+  EXPECT_NEAR(told[1].high - told[1].value, 1.96 * std::hypot(0.8 * 0.01, 0.6 * 0.04) / 0.5 * 57.29577951, 1e-6);
 }
 
 TEST(Candidates, SwellOfOnePeriodTellsWhatAnotherWouldDo) {

@@ -56,9 +56,9 @@ Variant makeFalls(const std::vector<double>& times_s);
 Variant makeSwell(const std::vector<double>& periods_s);
 
 /// pole_tilt where lateral channels show its direction: drift, sway of four periods, and drift with each of the two
-/// longer ones, of a pole that leans and of one that stays upright. Amplitudes have both signs: the way of the pole is
-/// known only up to that. Those of a leaning pole are simulated at the size that fits the way best, but no less than
-/// the prior's sigma.
+/// longer ones, of a pole that leans and of one that stays upright; the sway of a leaning one as sine and cosine.
+/// Amplitudes have both signs. Those of a leaning pole are simulated at the size that fits the way best, but no less
+/// than the prior's sigma.
 /// @param direction_deg  in (-180, 180]
 /// @param time_s         since the start of the lift
 /// @param way_m          at these times: how far the foot would be aside if a lean gave all the lateral force

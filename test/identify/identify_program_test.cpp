@@ -127,7 +127,7 @@ TEST_F(IdentifyProgram, ZeroErrorOfTheLoadCellIsNamedAndTheErrorFalls) {
 
 TEST_F(IdentifyProgram, LateralChannelsShowThatThePoleMovesSidewaysAndWhereTo) {
   ASSERT_EQ(program("run small.yaml --set effects.pole_tilt.enabled=true --set effects.pole_tilt.drift_mps=0.02 "
-                    "--set effects.pole_tilt.direction_deg=40 --out tilted_run")
+                    "--set effects.pole_tilt.direction_deg=40 --set effects.pole_tilt.lean_ratio=0 --out tilted_run")
                 .exit_code,
             0);
   record(

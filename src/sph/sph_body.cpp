@@ -289,7 +289,9 @@ void SphBody::refreshDueRows() {
   std::vector<std::int32_t> scratch(longest_row_ + 2 * PairBlock::kPairs);
   bool overflows = false;
 #pragma omp for schedule(static) nowait
-  for (std::size_t k = 0; k < due_.size(); ++k) overflows = !refreshRow(sites, due_[k], scratch.data()) || overflows;
+  for (std::size_t k = 0; k < due_.size(); ++k) {  // NOLINT(modernize-loop-convert): for OpenMP
+    overflows = !refreshRow(sites, due_[k], scratch.data()) || overflows;
+  }
 #pragma omp critical(brash_ice_rig_sph_rows)
   row_overflows_ = row_overflows_ || overflows;
 #pragma omp barrier

@@ -96,6 +96,20 @@ double clampTo(const EffectParameter& p, double value) {
   return std::clamp(value, p.range.min, p.range.max);
 }
 
+/// Of an oscillation: its size and phase, with their standard deviations.
+struct Phasor {
+  double size, size_sigma, phase_deg, phase_sigma_deg;
+};
+
+/// @param parts  of sine and cosine
+Phasor toPhasor(const Eigen::Vector2d& parts, const Eigen::Matrix2d& covariance) {
+  const double size = parts.norm();
+  const Eigen::Vector2d along = size > 0.0 ? Eigen::Vector2d(parts / size) : Eigen::Vector2d(1.0, 0.0);
+  const Eigen::Vector2d across(-along.y(), along.x());
+  return {size, std::sqrt(along.dot(covariance * along)), std::atan2(parts.y(), parts.x()) / kDegree,
+          size > 0.0 ? std::sqrt(across.dot(covariance * across)) / size / kDegree : 180.0};
+}
+
 /// An effect with the amplitudes of the registry and some parameters given.
 Variant makePlain(const EffectDescription& effect, const std::vector<const EffectParameter*>& amplitudes,
                   const std::vector<std::pair<std::string, double>>& given) {
@@ -250,17 +264,13 @@ Variant makeSwell(const std::vector<double>& periods_s) {
     std::vector<ParameterEstimate> estimates;
     for (std::size_t k = 0; k < periods_s.size(); ++k) {
       const auto i = static_cast<Eigen::Index>(2 * k);
-      const double size = std::hypot(a[i], a[i + 1]);
-      const Eigen::Vector2d along = size > 0.0 ? Eigen::Vector2d(a.segment<2>(i) / size) : Eigen::Vector2d(1.0, 0.0);
-      const Eigen::Vector2d across(-along.y(), along.x());
-      const Eigen::Matrix2d c = covariance.block<2, 2>(i, i);
+      const Phasor swell = toPhasor(a.segment<2>(i), covariance.block<2, 2>(i, i));
       estimates.push_back(
-          estimateOf(effect, parameterOf(effect, named("amplitude", k, "m")), size, std::sqrt(along.dot(c * along))));
+          estimateOf(effect, parameterOf(effect, named("amplitude", k, "m")), swell.size, swell.size_sigma));
       estimates.push_back(
           estimateOf(effect, parameterOf(effect, named("period", k, "s")), periods_s[k], 0.05 * periods_s[k]));
-      const double phase_sigma = size > 0.0 ? std::sqrt(across.dot(c * across)) / size / kDegree : 180.0;
-      estimates.push_back(estimateOf(effect, parameterOf(effect, named("phase", k, "deg")),
-                                     std::atan2(a[i + 1], a[i]) / kDegree, phase_sigma));
+      estimates.push_back(
+          estimateOf(effect, parameterOf(effect, named("phase", k, "deg")), swell.phase_deg, swell.phase_sigma_deg));
     }
     return estimates;
   };
@@ -320,19 +330,14 @@ std::vector<Variant> makeTilts(double direction_deg, const Eigen::VectorXd& time
     v.estimate = [=, &effect, &drift, &sway, &phase](const Eigen::VectorXd& a, const Eigen::MatrixXd& covariance) {
       std::vector<ParameterEstimate> estimates;
       if (drifts) estimates.push_back(estimateOf(effect, drift, a[0], std::sqrt(covariance(0, 0))));
-      const Eigen::Vector2d swaying = swayOf(a);
-      const double size = swaying.norm();
       if (period_s) {
         const Eigen::Index first = drifts ? 1 : 0, parts = a.size() - first;
-        const Eigen::VectorXd along =
-            size > 0.0 ? Eigen::VectorXd(swaying.head(parts) / size) : Eigen::VectorXd::Unit(parts, 0);
-        const Eigen::MatrixXd c = covariance.block(first, first, parts, parts);
-        estimates.push_back(estimateOf(effect, sway, size, std::sqrt(along.dot(c * along))));
-        if (parts == 2) {
-          const Eigen::Vector2d across(-along[1], along[0]);
-          estimates.push_back(estimateOf(effect, phase, std::atan2(swaying.y(), swaying.x()) / kDegree,
-                                         size > 0.0 ? std::sqrt(across.dot(c * across)) / size / kDegree : 180.0));
-        }
+        Eigen::Matrix2d c = Eigen::Matrix2d::Zero();
+        c.topLeftCorner(parts, parts) = covariance.block(first, first, parts, parts);
+        const Phasor swaying = toPhasor(swayOf(a), c);
+        estimates.push_back(estimateOf(effect, sway, swaying.size, swaying.size_sigma));
+        // A sine alone has one of two phases, and no error.
+        if (parts == 2) estimates.push_back(estimateOf(effect, phase, swaying.phase_deg, swaying.phase_sigma_deg));
       }
       estimates.push_back(estimateOf(effect, parameterOf(effect, "direction_deg"), direction_deg, kDirectionSigmaDeg));
       return estimates;

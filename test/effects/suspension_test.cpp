@@ -133,6 +133,15 @@ TEST(PoleTilt, PathMustStayInTheField) {
   }
 }
 
+TEST(PoleTilt, SwayFromRestNeedsTwiceTheRoom) {
+  Scenario s;
+  s.collector.radius_m = 3.0;  // 3.9 m are free in the field of 15 m
+  enable(s, "pole_tilt", {{"drift_mps", 0.0}, {"sway_m", 1.96}, {"sway_phase_deg", 0.0}});
+  EXPECT_NO_THROW(s.validate());
+  s.effects["pole_tilt"].set("sway_phase_deg", 90.0);
+  EXPECT_THROW(s.validate(), ConfigError);
+}
+
 // ---- crane_speed
 
 double speedUnder(double tension_n, double wanted_mps, EffectKeys keys) {

@@ -349,6 +349,8 @@ std::vector<Variant> makeTilts(double direction_deg, const Eigen::VectorXd& time
     add(lean_ratio, {drifting}, std::nullopt);
     // A pole that is pushed aside and comes part of the way back is slower than the lift.
     for (const double deviations : {-1.0, 0.0, 1.0, 2.0}) {
+      // A way that the channels do not show is not worth four periods.
+      if (lean_ratio == 0.0 && deviations != 0.0) continue;
       const double period_s = clampTo(period, period.prior.a * std::exp(deviations * period.prior.b));
       const Eigen::ArrayXd angle = time_s.array() * (2.0 * kPi / period_s);
       std::vector<Size> sizes{{&sway, " (sine)", angle.sin()}};

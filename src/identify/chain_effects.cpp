@@ -49,8 +49,29 @@ void Chain::addVariants() {
     }
     if (std::string(effect.name) == "vessel_heave" && sites_.front().observation().ice_contact) {
       swell_ = std::make_unique<Variant>(makeSwell({kSwellPeriodS}));
+      settled_.insert(swell_.get());
     }
+    for (const Variant* v : typicalVariants(effect)) settled_.insert(v);
   }
+}
+
+/// Those of an effect from which it is told how large it must be to be seen: the middle of its shapes, and the first
+/// with each amplitude that this one has not.
+std::vector<const Variant*> Chain::typicalVariants(const EffectDescription& effect) const {
+  std::vector<const Variant*> own, typical;
+  for (const auto& v : variants_) {
+    if (v->effect == &effect) own.push_back(v.get());
+  }
+  if (own.empty()) return {};
+  const Variant* middle = own[own.size() / 2];
+  own.insert(own.begin(), middle);
+  std::set<std::string> told;
+  for (const Variant* v : own) {
+    bool more = false;
+    for (const Amplitude& a : v->amplitudes) more = told.insert(a.name).second || more;
+    if (more) typical.push_back(v);
+  }
+  return typical;
 }
 
 /// Keys of the runs with each amplitude at its step, seed by seed; empty where no run is needed or none is possible.
@@ -58,7 +79,7 @@ std::vector<std::string> Chain::requestSignature(const Site& site, const Variant
   if (v.effect->reading_only || !site.observation().ice_contact) return {};
   std::vector<std::string> keys;
   for (std::size_t k = 0; k < v.amplitudes.size(); ++k) {
-    for (int seed = 1; seed <= kPairs; ++seed) {
+    for (int seed = 1; seed <= pairsOf(v); ++seed) {
       Scenario s = site.scenario;
       s.field.seed = static_cast<std::uint64_t>(seed);
       Eigen::VectorXd a = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(v.amplitudes.size()));
@@ -79,9 +100,10 @@ Eigen::MatrixXd Chain::signature(const Site& site, const Variant& v) {
   const auto count = static_cast<Eigen::Index>(v.amplitudes.size());
   Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(site.rows(), count);
   if (site.direction_rad && !v.effect->acts_sideways) return columns;
+  const int pairs = pairsOf(v);
   std::vector<SimulatedForce> plain;
   std::vector<Eigen::VectorXd> before;
-  for (int seed = 1; seed <= kPairs; ++seed) {
+  for (int seed = 1; seed <= pairs; ++seed) {
     plain.push_back(corrected(requestBaseline(site, std::min(seed, site.seeds()))));
     before.push_back(site.bins(plain.back()));
   }
@@ -95,10 +117,10 @@ Eigen::MatrixXd Chain::signature(const Site& site, const Variant& v) {
         EffectValues values(*v.effect);
         v.apply(values, a);
         columns.col(k) +=
-            (site.bins(throughLoadCell(values, site.scenario, plain[pair])) - before[pair]) / (step * kPairs);
+            (site.bins(throughLoadCell(values, site.scenario, plain[pair])) - before[pair]) / (step * pairs);
       } else if (!keys.empty()) {
-        const std::string& key = keys[static_cast<std::size_t>(k) * kPairs + pair];
-        if (!runs_.failed(key)) columns.col(k) += (site.bins(corrected(key)) - before[pair]) / (step * kPairs);
+        const std::string& key = keys[static_cast<std::size_t>(k) * plain.size() + pair];
+        if (!runs_.failed(key)) columns.col(k) += (site.bins(corrected(key)) - before[pair]) / (step * pairs);
       }
     }
   }
@@ -115,6 +137,16 @@ void Chain::computeSignatures(const std::vector<const Variant*>& variants, const
     for (const Site& site : sites_) columns.middleRows(site.first_row, site.rows()) = signature(site, *v);
     signatures_[v] = columns;
   }
+}
+
+/// Takes signatures on all pairs, as far as they are not; returns whether that changed any.
+bool Chain::settle(std::vector<const Variant*> variants) {
+  variants.erase(
+      std::remove_if(variants.begin(), variants.end(), [this](const Variant* v) { return !settled_.insert(v).second; }),
+      variants.end());
+  if (variants.empty()) return false;
+  computeSignatures(variants, "what the best explanations do, once more");
+  return true;
 }
 
 /// Looks for causes of one kind that may be at many places: one after the other, each where it explains most, at most

@@ -209,15 +209,8 @@ void Chain::addDetectable(Identification& result, const Detectability& detectabi
       add(effect, swell_->amplitudes[0], signatures_.at(swell_.get()).col(0));
       continue;
     }
-    std::vector<const Variant*> own;
-    for (const auto& v : variants_) {
-      if (v->effect == &effect && signatures_.count(v.get()) > 0) own.push_back(v.get());
-    }
-    if (own.empty()) continue;
     std::set<std::string> done;
-    const Variant* middle = own[own.size() / 2];
-    own.insert(own.begin(), middle);
-    for (const Variant* v : own) {
+    for (const Variant* v : typicalVariants(effect)) {
       for (std::size_t k = 0; k < v->amplitudes.size(); ++k) {
         if (done.insert(v->amplitudes[k].name).second) {
           add(effect, v->amplitudes[k], signatures_.at(v).col(static_cast<Eigen::Index>(k)));

@@ -17,10 +17,15 @@ constexpr int kPasses = 2;
 /// Where references say how far the simulator is off, nothing is known better than this share of the largest force.
 constexpr double kReferenceFloor = 0.005;
 
+bool isHopeless(const Model& model, const Model& baseline) {
+  return score(model) - baseline.fit.log_evidence <= kWorthSimulating;
+}
+
 }  // namespace
 
 Identification Chain::run() {
   Identification result;
+  result.discrepancy = discrepancy_;
   for (const NamedRecord& record : input_.records) {
     sites_.push_back(makeSite(record));
     sites_.back().record = records_++;
@@ -46,11 +51,10 @@ Identification Chain::run() {
   std::vector<Model> models = screenEffects(baseline);
   std::vector<Model*> to_confirm{&baseline};
   for (std::size_t k = 0; k < models.size() && k < kConfirmed; ++k) to_confirm.push_back(&models[k]);
-  const auto isHopeless = [&](const Model* m) {
-    return m != &baseline && score(*m) - baseline.fit.log_evidence <= kWorthSimulating;
-  };
   for (int pass = 0; pass < kPasses && !input_.screen_only; ++pass) {
-    to_confirm.erase(std::remove_if(to_confirm.begin(), to_confirm.end(), isHopeless), to_confirm.end());
+    to_confirm.erase(std::remove_if(to_confirm.begin(), to_confirm.end(),
+                                    [&](const Model* m) { return m != &baseline && isHopeless(*m, baseline); }),
+                     to_confirm.end());
     if (to_confirm.size() == 1) break;
     confirm(to_confirm, "full simulations of the best explanations");
   }
@@ -76,15 +80,30 @@ Identification Chain::run() {
   return result;
 }
 
+/// Each effect in its best shape, the likeliest first. Those that will be confirmed are taken on all pairs before.
+std::vector<Model> Chain::screenEffects(const Model& baseline) {
+  std::map<const Variant*, Model> screened;
+  for (const auto& v : variants_) screened.emplace(v.get(), linear(v.get()));
+  for (;;) {
+    std::vector<Model> models = bestShapes(screened, baseline);
+    std::vector<const Variant*> best;
+    for (std::size_t k = 0; k < models.size() && k < kConfirmed && !isHopeless(models[k], baseline); ++k) {
+      best.push_back(models[k].variants[0]);
+    }
+    if (!settle(best)) return models;
+    for (const Variant* v : best) screened[v] = linear(v);
+  }
+}
+
 /// Each effect in its best shape, the likeliest first; what the other shapes say of it counts as well.
-std::vector<Model> Chain::screenEffects(const Model& baseline) const {
+std::vector<Model> Chain::bestShapes(const std::map<const Variant*, Model>& screened, const Model& baseline) const {
   std::vector<Model> models;
   for (const EffectDescription& effect : effectRegistry()) {
     std::vector<double> evidence;
     std::vector<Model> shapes;
     for (const auto& v : variants_) {
       if (v->effect != &effect) continue;
-      shapes.push_back(linear(v.get()));
+      shapes.push_back(screened.at(v.get()));
       evidence.push_back(shapes.back().fit.log_evidence);
     }
     if (shapes.empty()) continue;
@@ -124,6 +143,12 @@ void Chain::addSecondEffect(std::vector<Model>& models, const Model& baseline) {
   if (!best || score(*best) - score(first) <
                    std::max(thresholds_.second_effect, thresholds_.of(best->variants[1]->effect->name)))
     return;
+  const Variant* const second = best->variants[1];
+  if (settle({second})) {
+    best = first;
+    addEffect(*best, *second);
+    refit(*best);
+  }
   for (int pass = 0; pass < kPasses; ++pass) confirm({&*best}, "two effects");
   if (best->simulated && score(*best) - score(first) > thresholds_.second_effect) models.insert(models.begin(), *best);
 }
@@ -186,7 +211,6 @@ Identification identify(const IdentifyInput& input, RunLibrary& runs, const Thre
   }
   const Discrepancy learned = result.discrepancy;
   result = Chain(input, runs, thresholds, learned).run();
-  result.discrepancy = learned;
   result.runs_needed = runs.requested();
   result.runs_made = runs.made();
   result.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

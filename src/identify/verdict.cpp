@@ -87,6 +87,8 @@ void decide(Identification& result, const RecordReport& report, const Thresholds
            !(e.holdout_ratio > thresholds.holdout_ratio) &&
            (!excess || e.explained_ratio >= thresholds.explained_ratio);
   };
+  // Without references, evidence also measures how well an effect looks like what the simulator is off for every lift.
+  const bool untaught = result.discrepancy.way_m.empty();
   std::vector<const Explanation*> accepted;
   for (const Explanation& e : result.ranking) {
     if (holds(e)) accepted.push_back(&e);
@@ -98,7 +100,9 @@ void decide(Identification& result, const RecordReport& report, const Thresholds
       for (const Explanation& e : result.ranking) {
         if (e.effects == best->effects || e.effects.size() != 1 || e.log_bayes_factor <= 0.0) continue;
         if (e.holdout_ratio > thresholds.holdout_ratio) continue;  // the held-out record speaks against it
-        if (hasAsMuchEvidence(e, *best, result.confusable, thresholds)) contenders.push_back(&e);
+        if ((untaught && holds(e)) || hasAsMuchEvidence(e, *best, result.confusable, thresholds)) {
+          contenders.push_back(&e);
+        }
       }
       // Whose evidence is alike, the held-out record may tell apart.
       double least = best->holdout_rmse_n;
@@ -173,6 +177,11 @@ void describe(Identification& result, const Thresholds& thresholds) {
     if (std::isfinite(e.holdout_ratio)) {
       text.push_back("Error on the held-out record: " + shortNumber(result.holdout.front().refitted.rmse_n) +
                      " N without the effect, " + shortNumber(e.holdout_rmse_n) + " N with it.");
+    }
+    if (result.discrepancy.way_m.empty()) {
+      text.push_back(
+          "No reference was given: what the simulator is off for every lift can pass for an effect. Lifts that lack "
+          "nothing (--reference) would tell.");
     }
     for (const Explanation& other : result.ranking) {
       if (!other.confirmed || other.log_bayes_factor <= other.threshold) continue;

@@ -333,21 +333,27 @@ void Simulation::Impl::updateIce() {
       time(),      time_step,          site,  ice.position(), ice.state()[static_cast<std::size_t>(plastic)],
       pore_volume, ice.particleMass(), water, hubPosition()};
   for (const auto& effect : effects) effect->updateIce(now, changes);
+  // What fades, as held water does, never ends. Sleeping ice takes no notice of less than what may hold it in place.
+  const auto unnoticed = static_cast<float>(scenario.solver.quiet_force_ratio);
+  const ActiveSet& active = ice.activeSet();
   if (strength) {
     std::vector<float>& surplus = ice.state(0);
     for (std::size_t i = 0; i < surplus.size(); ++i) {
-      const float before = surplus[i];
-      surplus[i] = changes.strength_ratio[i] - 1.0f;
-      if (surplus[i] < before) ice.wake(i);  // what was strong enough to rest may yield now
+      const float before = surplus[i], now_surplus = changes.strength_ratio[i] - 1.0f;
+      if (!active.isAwake(i) && now_surplus < before && before - now_surplus < unnoticed) continue;
+      surplus[i] = now_surplus;
+      if (now_surplus < before) ice.wake(i);  // what was strong enough to rest may yield now
     }
   }
   if (mass) {
     std::vector<float>& inertia = ice.inertiaRatio();
     const float water_share = 1.0f / static_cast<float>(ice.particleMass());
     for (std::size_t i = 0; i < inertia.size(); ++i) {
-      const float before = inertia[i];
-      inertia[i] = std::max(changes.solid_ratio[i], kLeastInertia) + water_share * changes.held_water_kg[i];
-      if (inertia[i] != before) ice.wake(i);  // its weight has changed as well
+      const float now_inertia =
+          std::max(changes.solid_ratio[i], kLeastInertia) + water_share * changes.held_water_kg[i];
+      if (!active.isAwake(i) && std::abs(now_inertia - inertia[i]) < unnoticed) continue;
+      inertia[i] = now_inertia;
+      ice.wake(i);  // its weight has changed as well
     }
   }
 }

@@ -153,7 +153,7 @@ TEST(Candidates, AmplitudesStayWhereTheyCanBeSimulated) {
 TEST(Candidates, TiltSeenSidewaysGoesBothWaysAlongItsDirection) {
   const Eigen::VectorXd time_s = Eigen::VectorXd::LinSpaced(41, 0.0, 40.0);
   const std::vector<Variant> tilts = makeTilts(30.0, time_s, -0.012 * time_s);
-  ASSERT_EQ(tilts.size(), 14u);  // drift, sway of four periods, drift with the two longer ones: leaning, then upright
+  ASSERT_EQ(tilts.size(), 9u);  // leaning: drift, sway of four periods, drift with the two longer ones; upright: two
   EffectsConfig effects;
   EffectValues& values = effects["pole_tilt"];
   tilts[0].apply(values, Eigen::VectorXd::Constant(1, -0.004));
@@ -173,15 +173,23 @@ TEST(Candidates, TiltSeenSidewaysGoesBothWaysAlongItsDirection) {
   const auto told = tilts[0].estimate(Eigen::VectorXd::Constant(1, -0.004), Eigen::MatrixXd::Constant(1, 1, 1e-6));
   EXPECT_EQ(told[0].value, -0.004);
   EXPECT_EQ(told[1].value, 30.0);
-  const Variant& upright = tilts.back();
-  ASSERT_EQ(upright.amplitudes.size(), 2u);
-  upright.apply(values, Eigen::Vector2d(0.006, -0.12));
+  const Variant& both = tilts[6];
+  ASSERT_EQ(both.amplitudes.size(), 3u);
+  both.apply(values, Eigen::Vector3d(0.006, -0.12, 0.0));
   EXPECT_EQ(values["drift_mps"], 0.006);
+  EXPECT_DOUBLE_EQ(values["sway_m"], 0.12);
+  EXPECT_NEAR(values["sway_period_s"], 15.0 * std::exp(1.0), 1e-12);
+  EXPECT_DOUBLE_EQ(both.estimate(Eigen::Vector3d(0.006, -0.12, 0.0), Eigen::Matrix3d::Identity())[1].value, 0.12);
+  const Variant& upright = tilts.back();
+  ASSERT_EQ(upright.amplitudes.size(), 1u);
+  upright.apply(values, Eigen::VectorXd::Constant(1, -0.12));
   EXPECT_EQ(values["lean_ratio"], 0.0);
+  EXPECT_EQ(values["drift_mps"], 0.0);
   EXPECT_DOUBLE_EQ(values["sway_m"], 0.12);
   EXPECT_DOUBLE_EQ(values["sway_phase_deg"], 180.0);
-  EXPECT_NEAR(values["sway_period_s"], 15.0 * std::exp(1.0), 1e-12);
-  EXPECT_DOUBLE_EQ(upright.estimate(Eigen::Vector2d(0.006, -0.12), Eigen::Matrix2d::Identity())[1].value, 0.12);
+  EXPECT_EQ(values["sway_period_s"], 15.0);
+  EXPECT_DOUBLE_EQ(upright.estimate(Eigen::VectorXd::Constant(1, -0.12), Eigen::MatrixXd::Identity(1, 1))[0].value,
+                   0.12);
 }
 
 TEST(Candidates, SineAndCosineOfASwayAreItsSizeAndPhase) {

@@ -29,6 +29,7 @@ Identification ranked(const std::vector<Explanation>& ranking, double chi2_per_b
   result.ranking = ranking;
   result.chi2_per_bin = chi2_per_bin;
   result.portmanteau_p = 0.5;
+  result.discrepancy.way_m = {0.0, 1.0};  // references were given
   return result;
 }
 
@@ -119,6 +120,27 @@ TEST(Verdict, TheHeldOutRecordTellsApartWhatTheEvidenceCannot) {
   // What would not be named itself does not take another's place.
   const Identification weak = decided(ranked({found({"freeze_bonds"}, 7.0, 721.0), found({"drainage"}, 5.0, 600.0)}));
   EXPECT_EQ(weak.effects, (Names{"freeze_bonds", "drainage"}));
+}
+
+TEST(Verdict, WithoutReferencesAllThatHoldAreRivalsAndTheHeldOutRecordDecides) {
+  const auto untaught = [](double first_rmse_n, double second_rmse_n) {
+    Identification result =
+        ranked({found({"thickness_field"}, 28.0, first_rmse_n), found({"drainage"}, 8.0, second_rmse_n)});
+    EXPECT_EQ(decided(result).effects, Names{"thickness_field"});
+    result.discrepancy = Discrepancy();
+    return decided(result);
+  };
+  EXPECT_EQ(untaught(900.0, 760.0).effects, (Names{"thickness_field", "drainage"}));
+  EXPECT_EQ(untaught(930.0, 770.0).effects, Names{"drainage"});
+  EXPECT_EQ(untaught(760.0, 930.0).effects, Names{"thickness_field"});
+
+  Identification told = untaught(930.0, 770.0);
+  told.records.emplace_back();
+  told.holdout.emplace_back();
+  describe(told, Thresholds());
+  EXPECT_EQ(std::count_if(told.summary.begin(), told.summary.end(),
+                          [](const std::string& s) { return s.rfind("No reference was given", 0) == 0; }),
+            1);
 }
 
 TEST(Verdict, ARivalOfTheSameClassNeedsHalfOfTheEvidence) {

@@ -223,10 +223,12 @@ TEST(Determinism, VariableSmoothingLengthMakesAnotherWorldTheSameForOneAndTwoThr
 }
 
 // Sleeping ice acts as if it were held in place; what that may cost is set by solver.quiet_force_ratio.
-TEST(ActiveSetOfAPullUp, ForceIsThatOfTheFullFieldWithinAPercent) {
-  Scenario sleepy = smallScenario(), full = smallScenario();
-  sleepy.field.length_x_m = sleepy.field.length_y_m = full.field.length_x_m = full.field.length_y_m = 9.0;
-  sleepy.collector = full.collector = CollectorConfig();  // of the real size
+void expectForceOfTheFullFieldWithinAPercent(const std::string& effect) {
+  Scenario sleepy = smallScenario();
+  sleepy.field.length_x_m = sleepy.field.length_y_m = 9.0;
+  sleepy.collector = CollectorConfig();  // of the real size
+  if (!effect.empty()) sleepy.effects[effect].enabled = true;
+  Scenario full = sleepy;
   full.solver.active_set = false;
   Simulation a(sleepy), b(full);
   const auto meanLoad = [](Simulation& simulation) {
@@ -241,10 +243,19 @@ TEST(ActiveSetOfAPullUp, ForceIsThatOfTheFullFieldWithinAPercent) {
   b.advance(1.5);
   for (double time = 1.0; time < 5.0; time += 0.5) {
     const double load = meanLoad(a), expected = meanLoad(b);
-    EXPECT_NEAR(load, expected, 0.01 * expected + 10.0) << "from " << time - 0.5 << " s";
+    EXPECT_NEAR(load, expected, 0.01 * expected + 10.0) << effect << ", from " << time - 0.5 << " s";
   }
   EXPECT_LT(static_cast<double>(a.activeParticleSteps()), 0.75 * static_cast<double>(b.activeParticleSteps()));
   EXPECT_EQ(b.activeParticleSteps(), b.stepCount() * b.particleCount());
+}
+
+TEST(ActiveSetOfAPullUp, ForceIsThatOfTheFullFieldWithinAPercent) {
+  expectForceOfTheFullFieldWithinAPercent("");
+}
+
+TEST(ActiveSetOfAPullUp, ForceIsThatOfTheFullFieldAlsoWhereAnEffectChangesTheIce) {
+  expectForceOfTheFullFieldWithinAPercent("drainage");
+  expectForceOfTheFullFieldWithinAPercent("rate_dependence");
 }
 
 TEST(ActiveSetOfAPullUp, FieldAtRestFallsAsleepButForWhatIsNearTheRig) {
@@ -260,6 +271,25 @@ TEST(ActiveSetOfAPullUp, FieldAtRestFallsAsleepButForWhatIsNearTheRig) {
   // Within armLength() + 2 spacings of the axis: 1.33 m of 9 x 9 m, and the rest of its groups.
   EXPECT_LT(active, 0.2 * static_cast<double>(simulation.particleCount()));
   EXPECT_GT(active, 0.05 * static_cast<double>(simulation.particleCount()));
+}
+
+// Water that drains and strength that fades change for ever, by less and less.
+TEST(ActiveSetOfAPullUp, IceSleepsAlsoWhileWhatAnEffectHasChangedFades) {
+  const auto activeRatio = [](const std::string& effect, const std::string& amplitude, double value) {
+    Scenario s = smallScenario();
+    s.field.length_x_m = s.field.length_y_m = 9.0;
+    if (!effect.empty()) {
+      s.effects[effect].enabled = true;
+      s.effects[effect].set(amplitude, value);
+    }
+    Simulation simulation(s);
+    simulation.advance(6.0);
+    return static_cast<double>(simulation.activeParticleSteps()) /
+           static_cast<double>(simulation.stepCount() * simulation.particleCount());
+  };
+  const double plain = activeRatio("", "", 0.0);
+  EXPECT_NEAR(activeRatio("drainage", "held_ratio", 0.3), plain, 0.1);
+  EXPECT_NEAR(activeRatio("rate_dependence", "gain_ratio", 0.3), plain, 0.1);
 }
 
 TEST(Determinism, LengthOfAdvanceDoesNotMatter) {

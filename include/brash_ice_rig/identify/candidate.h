@@ -55,8 +55,8 @@ Variant makeFalls(const std::vector<double>& times_s);
 /// vessel_heave with given periods, s, at most 3. Two amplitudes per period: of sine and cosine.
 Variant makeSwell(const std::vector<double>& periods_s);
 
-/// pole_tilt where lateral channels show its direction: drift, sway of four periods, and drift with each of the two
-/// longer ones, of a pole that leans and of one that stays upright; the sway of a leaning one as sine and cosine.
+/// pole_tilt where lateral channels show its direction. Of a pole that leans: drift, sway of four periods as sine and
+/// cosine, and drift with each of the two longer ones. Of one that stays upright: drift, and sway of the usual period.
 /// Amplitudes have both signs. Those of a leaning pole are simulated at the size that fits the way best, but no less
 /// than the prior's sigma.
 /// @param direction_deg  in (-180, 180]

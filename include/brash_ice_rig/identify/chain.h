@@ -6,6 +6,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -134,6 +135,10 @@ class Chain {
   Eigen::MatrixXd discrepancyOf(const Site& site, const Eigen::VectorXd& curve_n) const;
   void setErrors(const Eigen::VectorXd& curve_n, const Eigen::VectorXd& x);
   void addVariants();
+  std::vector<const Variant*> typicalVariants(const EffectDescription& effect) const;
+  /// Arrangements on which a variant's signature is taken.
+  int pairsOf(const Variant& variant) const { return settled_.count(&variant) > 0 ? kPairs : 1; }
+  bool settle(std::vector<const Variant*> variants);
   void computeSignatures(const std::vector<const Variant*>& variants, const std::string& what);
   std::vector<std::string> requestSignature(const Site& site, const Variant& variant);
   Eigen::MatrixXd signature(const Site& site, const Variant& variant);
@@ -155,7 +160,8 @@ class Chain {
     return whitened(model).squaredNorm() / static_cast<double>(record_rows_);
   }
   Explanation explain(const Model& model, const Model& baseline, const Detectability& detectability) const;
-  std::vector<Model> screenEffects(const Model& baseline) const;
+  std::vector<Model> screenEffects(const Model& baseline);
+  std::vector<Model> bestShapes(const std::map<const Variant*, Model>& screened, const Model& baseline) const;
   void addSecondEffect(std::vector<Model>& models, const Model& baseline);
   void evaluateHoldout(const Model& baseline, const std::vector<Model>& models, Identification& result);
   void addCurves(const Model& baseline, const Model* best, Identification& result) const;
@@ -174,6 +180,7 @@ class Chain {
   std::vector<std::unique_ptr<Variant>> variants_;
   std::unique_ptr<Variant> swell_;  ///< of kSwellPeriodS, from which those of other periods follow
   std::map<const Variant*, Eigen::MatrixXd> signatures_;
+  std::set<const Variant*> settled_;  ///< whose signature is taken on all pairs; one shows how likely a shape is
   std::map<const Variant*, double> located_log_odds_;  ///< of falls and swell: for having looked at many times
   Eigen::VectorXd data_;
   ErrorModel errors_;

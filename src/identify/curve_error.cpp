@@ -37,7 +37,7 @@ CurveError computeError(const Observation& o, const Eigen::VectorXd& curve, cons
     return peak;
   };
   const Eigen::VectorXd difference = model - record;
-  e.rmse_n = std::sqrt(difference.squaredNorm() / static_cast<double>(n));
+  e.rmse_n = std::sqrt((curve - o.force_n).squaredNorm() / static_cast<double>(curve.size()));
   const auto measured = peakOf(record), simulated = peakOf(model);
   e.nrmse_ratio = e.rmse_n / std::abs(measured.first);
   e.peak_error_n = simulated.first - measured.first;

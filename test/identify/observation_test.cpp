@@ -8,6 +8,7 @@
 #include "../output/temporary_directory.h"
 #include "brash_ice_rig/config/scenario_reader.h"
 #include "brash_ice_rig/identify/candidate.h"
+#include "brash_ice_rig/identify/curve_error.h"
 #include "brash_ice_rig/identify/overlay.h"
 #include "made_record.h"
 
@@ -148,6 +149,20 @@ TEST(Candidates, AmplitudesStayWhereTheyCanBeSimulated) {
   }
   for (const Amplitude& a : makeSwell({6.0}).amplitudes) EXPECT_EQ(a.least, -a.most);  // sine and cosine
   for (const Amplitude& a : makeFalls({20.0}).amplitudes) EXPECT_EQ(a.least, 0.0);
+}
+
+TEST(CurveErrors, MeanErrorCountsTheRestBeforeTheLiftAndPeaksDoNot) {
+  Observation o;
+  o.time_s = Eigen::VectorXd::LinSpaced(48, -1.875, 9.875);  // 8 bins at rest, 40 in motion
+  o.force_n = Eigen::VectorXd::Constant(48, 5000.0);
+  Eigen::VectorXd curve = o.force_n;
+  curve.head(8).array() -= 900.0;  // a zero error of the cell that shows at rest only
+  const CurveError e = computeError(o, curve, Eigen::MatrixXd::Identity(48, 48));
+  EXPECT_NEAR(e.rmse_n, 900.0 * std::sqrt(8.0 / 48.0), 1e-9);
+  EXPECT_NEAR(e.nrmse_ratio, e.rmse_n / 5000.0, 1e-12);
+  EXPECT_EQ(e.peak_error_n, 0.0);
+  EXPECT_EQ(e.residual_level_error_n, 0.0);
+  EXPECT_EQ(e.max_abs_n, 0.0);
 }
 
 TEST(Candidates, TiltSeenSidewaysGoesBothWaysAlongItsDirection) {

@@ -158,6 +158,24 @@ class Verdicts(TemporaryReport):
         self.assertIn("water that drains out of the lifted ice and heave of the vessel under the crane", box)
         self.assertIn("Next comes blocks that fall off the collector", box)
 
+    def test_what_has_more_evidence_than_the_named_one_is_told_with_the_reason(self):
+        report = made_report()
+        stronger = report["ranking"][1]
+        title = identify_report.effect_title(stronger["effects"][0])
+        stronger.update(log_bayes_factor=99.0, holdout_ratio=1.1)
+        box = self.box(report)
+        self.assertIn(f"The evidence of this record for {title} is stronger (log Bayes factor 99.0), but it is not named: "
+                      "on the record that the fit has not seen its error is 1.10 of that without an effect, that of the "
+                      "named one 0.40.", box)
+        self.assertNotIn(f"Next comes {title}", box)
+        self.assertIn("Next comes", box)
+        stronger.update(holdout_ratio=None, detectability=4.2, explained_ratio=0.3, confirmed=True)
+        self.assertIn("but it is not named: d′ is 4.2, it explains 30 % of what is left unexplained.", self.box(report))
+        stronger["explained_ratio"] = None
+        self.assertIn("but it is not named: d′ is 4.2.", self.box(report))
+        stronger["confirmed"] = False
+        self.assertIn("but it is not named: it was not simulated in full.", self.box(report))
+
     def test_a_tie_names_all_rivals_and_no_winner(self):
         box = self.box(made_report("tie"))
         self.assertIn("cannot tell which of these it is: a load cell whose calibration factor is off or a load cell "

@@ -344,24 +344,23 @@ std::vector<Variant> makeTilts(double direction_deg, const Eigen::VectorXd& time
     };
     variants.push_back(std::move(v));
   };
-  for (const double lean_ratio : {1.0, 0.0}) {
-    const Size drifting{&drift, "", time_s};
-    add(lean_ratio, {drifting}, std::nullopt);
-    // A pole that is pushed aside and comes part of the way back is slower than the lift.
-    for (const double deviations : {-1.0, 0.0, 1.0, 2.0}) {
-      // A way that the channels do not show is not worth four periods.
-      if (lean_ratio == 0.0 && deviations != 0.0) continue;
-      const double period_s = clampTo(period, period.prior.a * std::exp(deviations * period.prior.b));
-      const Eigen::ArrayXd angle = time_s.array() * (2.0 * kPi / period_s);
-      std::vector<Size> sizes{{&sway, " (sine)", angle.sin()}};
-      // A lean is seen by where the foot is, which one may know to a centimetre: worth another run.
-      if (lean_ratio > 0.0) sizes.push_back({&sway, " (cosine)", angle.cos() - 1.0});
-      add(lean_ratio, sizes, period_s);
-      if (deviations <= 0.0) continue;
-      sizes.insert(sizes.begin(), drifting);
-      add(lean_ratio, sizes, period_s);
-    }
+  const Size drifting{&drift, "", time_s};
+  const auto angleOf = [&](double period_s) -> Eigen::ArrayXd { return time_s.array() * (2.0 * kPi / period_s); };
+  const auto sine = [&](double period_s) { return Size{&sway, " (sine)", angleOf(period_s).sin()}; };
+  // A lean is seen by where the foot is, which one may know to a centimetre: worth a cosine.
+  constexpr double kLeaning = 1.0, kUpright = 0.0;
+  add(kLeaning, {drifting}, std::nullopt);
+  // A pole that is pushed aside and comes part of the way back is slower than the lift.
+  for (const double deviations : {-1.0, 0.0, 1.0, 2.0}) {
+    const double period_s = clampTo(period, period.prior.a * std::exp(deviations * period.prior.b));
+    const Size cosine{&sway, " (cosine)", angleOf(period_s).cos() - 1.0};
+    add(kLeaning, {sine(period_s), cosine}, period_s);
+    if (deviations > 0.0) add(kLeaning, {drifting, sine(period_s), cosine}, period_s);
   }
+  // The channels do not show the way of an upright pole: not worth more than the usual period.
+  const double usual_s = clampTo(period, period.prior.a);
+  add(kUpright, {drifting}, std::nullopt);
+  add(kUpright, {sine(usual_s)}, usual_s);
   return variants;
 }
 

@@ -51,25 +51,26 @@ void Chain::addVariants() {
       swell_ = std::make_unique<Variant>(makeSwell({kSwellPeriodS}));
       settled_.insert(swell_.get());
     }
-    for (const Variant* v : typicalVariants(effect)) settled_.insert(v);
+    for (const auto& [v, amplitude] : typicalAmplitudes(effect)) settled_.insert(v);
   }
 }
 
-/// Those of an effect from which it is told how large it must be to be seen: the middle of its shapes, and the first
-/// with each amplitude that this one has not.
-std::vector<const Variant*> Chain::typicalVariants(const EffectDescription& effect) const {
-  std::vector<const Variant*> own, typical;
+/// Each amplitude of an effect once, with the variant from which it is told how large it must be to be seen: the middle
+/// of its shapes, or the first that has it.
+std::vector<std::pair<const Variant*, std::size_t>> Chain::typicalAmplitudes(const EffectDescription& effect) const {
+  std::vector<const Variant*> own;
   for (const auto& v : variants_) {
     if (v->effect == &effect) own.push_back(v.get());
   }
   if (own.empty()) return {};
   const Variant* middle = own[own.size() / 2];
   own.insert(own.begin(), middle);
+  std::vector<std::pair<const Variant*, std::size_t>> typical;
   std::set<std::string> told;
   for (const Variant* v : own) {
-    bool more = false;
-    for (const Amplitude& a : v->amplitudes) more = told.insert(a.name).second || more;
-    if (more) typical.push_back(v);
+    for (std::size_t k = 0; k < v->amplitudes.size(); ++k) {
+      if (told.insert(v->amplitudes[k].name).second) typical.emplace_back(v, k);
+    }
   }
   return typical;
 }
@@ -139,7 +140,8 @@ void Chain::computeSignatures(const std::vector<const Variant*>& variants, const
   }
 }
 
-/// Takes signatures on all pairs, as far as they are not; returns whether that changed any.
+/// Takes signatures on all pairs where one was enough so far.
+/// @return whether there were any
 bool Chain::settle(std::vector<const Variant*> variants) {
   variants.erase(
       std::remove_if(variants.begin(), variants.end(), [this](const Variant* v) { return !settled_.insert(v).second; }),

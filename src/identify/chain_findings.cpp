@@ -209,13 +209,8 @@ void Chain::addDetectable(Identification& result, const Detectability& detectabi
       add(effect, swell_->amplitudes[0], signatures_.at(swell_.get()).col(0));
       continue;
     }
-    std::set<std::string> done;
-    for (const Variant* v : typicalVariants(effect)) {
-      for (std::size_t k = 0; k < v->amplitudes.size(); ++k) {
-        if (done.insert(v->amplitudes[k].name).second) {
-          add(effect, v->amplitudes[k], signatures_.at(v).col(static_cast<Eigen::Index>(k)));
-        }
-      }
+    for (const auto& [v, k] : typicalAmplitudes(effect)) {
+      add(effect, v->amplitudes[k], signatures_.at(v).col(static_cast<Eigen::Index>(k)));
     }
   }
   for (std::size_t i = 0; i < seen.size(); ++i) {

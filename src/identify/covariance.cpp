@@ -33,7 +33,7 @@ double computeLevel(const Eigen::VectorXd& force_n) {
 Eigen::VectorXd computeKnownShare(const Discrepancy& d, const Eigen::VectorXd& time_s, const Eigen::VectorXd& way_m) {
   assert(time_s.size() == way_m.size());
   Eigen::VectorXd share = Eigen::VectorXd::Zero(time_s.size());
-  if (d.way_m.empty()) return share;
+  if (!d.fromReferences()) return share;
   for (Eigen::Index i = 0; i < share.size(); ++i) {
     if (time_s[i] > 0.0) share[i] = valueOfBrokenLine(d.way_m, d.mean_share, way_m[i]);
   }
@@ -41,7 +41,7 @@ Eigen::VectorXd computeKnownShare(const Discrepancy& d, const Eigen::VectorXd& t
 }
 
 SimulatedForce correctKnownDiscrepancy(const Discrepancy& d, SimulatedForce force) {
-  if (d.way_m.empty()) return force;
+  if (!d.fromReferences()) return force;
   const auto count = static_cast<Eigen::Index>(force.time_s.size());
   const Eigen::VectorXd share = computeKnownShare(d, Eigen::Map<const Eigen::VectorXd>(force.time_s.data(), count),
                                                   Eigen::Map<const Eigen::VectorXd>(force.way_m.data(), count));
@@ -261,8 +261,8 @@ Eigen::MatrixXd computeDiscrepancyCovariance(const Discrepancy& d, const Observa
     const bool moving = o.time_s[i] > 0.0;
     place[i] = placeOf(d, o, i);
     // References differ in the arrangement of their blocks, too.
-    const double own = d.way_m.empty() ? std::hypot(d.share * ice_force_n[i], chaos_n[i])
-                                       : level * valueOfBrokenLine(d.way_m, d.sigma_share, o.way_m[i]);
+    const double own = d.fromReferences() ? level * valueOfBrokenLine(d.way_m, d.sigma_share, o.way_m[i])
+                                          : std::hypot(d.share * ice_force_n[i], chaos_n[i]);
     smooth[i] = moving ? own + d.share_of_peak * peak : 0.0;
     rough[i] = moving ? d.rough_share * std::abs(ice_force_n[i]) : 0.0;
     const double at_rest =

@@ -132,23 +132,23 @@ void Chain::addSecondEffect(std::vector<Model>& models, const Model& baseline) {
   if (!isSignificant(chi2PerBin(first), computeLjungBox(whitened(first), kPortmanteauLags), thresholds_)) return;
   const std::string first_name = first.variants[0]->effect->name;
   locate(first, "falls and swell beside " + first_name);
+  const auto with = [&](const Variant& second) {
+    Model pair = first;
+    addEffect(pair, second);
+    refit(pair);
+    return pair;
+  };
   std::optional<Model> best;
   for (const auto& v : variants_) {
     if (v->effect->name == first_name || signatures_.count(v.get()) == 0) continue;
-    Model pair = first;
-    addEffect(pair, *v);
-    refit(pair);
+    const Model pair = with(*v);
     if (!best || score(pair) > score(*best)) best = pair;
   }
   if (!best || score(*best) - score(first) <
                    std::max(thresholds_.second_effect, thresholds_.of(best->variants[1]->effect->name)))
     return;
   const Variant* const second = best->variants[1];
-  if (settle({second})) {
-    best = first;
-    addEffect(*best, *second);
-    refit(*best);
-  }
+  if (settle({second})) best = with(*second);
   for (int pass = 0; pass < kPasses; ++pass) confirm({&*best}, "two effects");
   if (best->simulated && score(*best) - score(first) > thresholds_.second_effect) models.insert(models.begin(), *best);
 }

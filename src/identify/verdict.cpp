@@ -88,7 +88,7 @@ void decide(Identification& result, const RecordReport& report, const Thresholds
            (!excess || e.explained_ratio >= thresholds.explained_ratio);
   };
   // Without references, evidence also measures how well an effect looks like what the simulator is off for every lift.
-  const bool untaught = result.discrepancy.way_m.empty();
+  const bool untaught = !result.discrepancy.fromReferences();
   std::vector<const Explanation*> accepted;
   for (const Explanation& e : result.ranking) {
     if (holds(e)) accepted.push_back(&e);
@@ -178,7 +178,7 @@ void describe(Identification& result, const Thresholds& thresholds) {
       text.push_back("Error on the held-out record: " + shortNumber(result.holdout.front().refitted.rmse_n) +
                      " N without the effect, " + shortNumber(e.holdout_rmse_n) + " N with it.");
     }
-    if (result.discrepancy.way_m.empty()) {
+    if (!result.discrepancy.fromReferences()) {
       text.push_back(
           "No reference was given: what the simulator is off for every lift can pass for an effect. Lifts that lack "
           "nothing (--reference) would tell.");

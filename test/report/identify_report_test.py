@@ -169,7 +169,9 @@ class Verdicts(TemporaryReport):
                       "named one 0.40.", box)
         self.assertNotIn(f"Next comes {title}", box)
         self.assertIn("Next comes", box)
-        stronger.update(holdout_ratio=None, detectability=4.2, explained_ratio=0.3, confirmed=True)
+        stronger.update(holdout_ratio=0.3, detectability=4.2, explained_ratio=0.3, confirmed=True)
+        self.assertIn("but it is not named: d′ is 4.2, it explains 30 % of what is left unexplained.", self.box(report))
+        stronger["holdout_ratio"] = None
         self.assertIn("but it is not named: d′ is 4.2, it explains 30 % of what is left unexplained.", self.box(report))
         stronger["explained_ratio"] = None
         self.assertIn("but it is not named: d′ is 4.2.", self.box(report))

@@ -44,8 +44,7 @@ struct Variant {
 
 /// The ways in which an effect is tried without a look at the record: amplitudes as the registry has them, the first
 /// shape parameter at its prior's median and one deviation above and below, the others at their defaults, and each
-/// switch once. block_drop and vessel_heave, whose times and periods are anywhere, have none: see findFalls(),
-/// findSwell().
+/// switch once. block_drop and vessel_heave, whose times and periods are anywhere, have none: see Chain::locate().
 /// @param position  of the record: a measured one has the loss of hoist speed in it already
 std::vector<Variant> makeVariants(const EffectDescription& effect, PositionOrigin position);
 

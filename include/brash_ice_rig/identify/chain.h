@@ -8,6 +8,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "brash_ice_rig/identify/identification.h"
@@ -135,7 +136,7 @@ class Chain {
   Eigen::MatrixXd discrepancyOf(const Site& site, const Eigen::VectorXd& curve_n) const;
   void setErrors(const Eigen::VectorXd& curve_n, const Eigen::VectorXd& x);
   void addVariants();
-  std::vector<const Variant*> typicalVariants(const EffectDescription& effect) const;
+  std::vector<std::pair<const Variant*, std::size_t>> typicalAmplitudes(const EffectDescription& effect) const;
   /// Arrangements on which a variant's signature is taken.
   int pairsOf(const Variant& variant) const { return settled_.count(&variant) > 0 ? kPairs : 1; }
   bool settle(std::vector<const Variant*> variants);

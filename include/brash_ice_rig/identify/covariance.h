@@ -24,6 +24,7 @@ struct Discrepancy {
   std::vector<IceValues> ice;      ///< of the references, as fitted
   /// How far they are off before the first motion, in the same shares; takes the place of `rest_share`.
   std::optional<double> known_rest_share;
+  bool fromReferences() const { return !way_m.empty(); }
 
   double share = 0.10;          ///< of the ice's force at the same place
   double share_of_peak = 0.02;  ///< of the largest force, everywhere during the motion

@@ -6,8 +6,8 @@
 
 namespace brash_ice_rig {
 
-/// How far a curve is from a record: in the mean over all of it, because effects of the load cell show at rest, too; the
-/// rest of it since the motion started.
+/// How far a curve is from a record: in the mean over all of it, because effects of the load cell show at rest, too;
+/// the rest of it since the motion started.
 struct CurveError {
   double rmse_n = 0.0;
   double nrmse_ratio = 0.0;             ///< over the record's largest 1 s mean

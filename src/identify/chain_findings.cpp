@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <map>
 #include <set>
 #include <tuple>
 
@@ -34,32 +33,11 @@ std::pair<double, double> amplitudeInterval(const Model& model) {
   return {computeQuantile(all, 0.025), computeQuantile(all, 0.975)};
 }
 
-/// The delay within 1.5 s with which a curve fits a record best; a delay of 0.5 s costs what one standard deviation
-/// costs.
-double bestDelay(const Site& site, const std::vector<SimulatedForce>& forces) {
-  constexpr double kSigmaS = 0.5, kMostS = 1.5;
-  const Eigen::VectorXd& record = site.observation().force_n;
-  const double scale = 0.05 * record.cwiseAbs().maxCoeff();
-  double best_delay = 0.0, best_cost = std::numeric_limits<double>::infinity();
-  constexpr int kSteps = 30;
-  for (int step = -kSteps; step <= kSteps; ++step) {
-    const double delay = kMostS * step / kSteps;
-    Eigen::VectorXd mean = Eigen::VectorXd::Zero(site.rows());
-    for (const SimulatedForce& force : forces) mean += site.bins(force, delay) / static_cast<double>(forces.size());
-    const double cost = (record - mean).squaredNorm() / (scale * scale) * 0.1 + delay * delay / (kSigmaS * kSigmaS);
-    if (cost < best_cost) {
-      best_cost = cost;
-      best_delay = delay;
-    }
-  }
-  return best_delay;
-}
-
 }  // namespace
 
 Explanation Chain::explain(const Model& model, const Model& baseline, const Detectability& detectability) const {
   Explanation e;
-  e.holdout_rmse_n = e.holdout_ratio = kNaN;
+  e.holdout_rmse_n = e.holdout_ratio = e.holdout_log_ratio = kNaN;
   for (const Variant* v : model.variants) {
     e.effects.emplace_back(v->effect->name);
     e.shape += (e.shape.empty() ? "" : "; ") + v->label;
@@ -69,10 +47,9 @@ Explanation Chain::explain(const Model& model, const Model& baseline, const Dete
   // The baseline's evidence has changed since those were screened that nobody simulated.
   e.log_bayes_factor = model.simulated ? score(model) - baseline.fit.log_evidence : model.screened;
   e.chi2_per_bin = chi2PerBin(model);
-  // What moves the rig sideways shows in the lateral channels first.
+  // What moves the rig sideways acts on the vertical force as well: nothing is explained before that is.
   const Eigen::Index lateral_rows = data_.size() - record_rows_;
-  const bool seen_sideways =
-      actsSideways(model) && baseline.fit.whitened.tail(lateral_rows).squaredNorm() > static_cast<double>(lateral_rows);
+  const bool seen_sideways = baseline.fit.whitened.tail(lateral_rows).squaredNorm() > static_cast<double>(lateral_rows);
   const Eigen::Index rows = seen_sideways ? data_.size() : record_rows_;
   const double before = baseline.fit.whitened.head(rows).squaredNorm(), excess = before - static_cast<double>(rows);
   e.explained_ratio = excess > 0.0 ? (before - model.fit.whitened.head(rows).squaredNorm()) / excess : kNaN;
@@ -106,69 +83,6 @@ Explanation Chain::explain(const Model& model, const Model& baseline, const Dete
   }
   if (model.frozen) e.note = "the simulation with it freezes or is refused: it could not be confirmed";
   return e;
-}
-
-/// Predicts a record that was not fitted. Only its own delay is fitted, for every model alike: when the rim meets the
-/// ice is a matter of the spot.
-void Chain::evaluateHoldout(const Model& baseline, const std::vector<Model>& models, Identification& result) {
-  Site site = makeSite(*input_.holdout);
-  Model given;
-  given.x = Eigen::VectorXd::Zero(unknowns());
-  given.simulated = true;
-  const auto forcesOf = [&](const Model& model, bool request_only) {
-    std::vector<SimulatedForce> forces;
-    for (int seed = 1; seed <= kPairs; ++seed) {
-      const Scenario s = scenarioAt(site, model.x, model.variants, seed);
-      const std::string key = runs_.request(s);
-      if (request_only || runs_.failed(key)) continue;
-      forces.push_back(&model == &given ? runs_.force(key) : asRead(corrected(key), s, model.x, model.variants));
-    }
-    return forces;
-  };
-  std::vector<const Model*> all{&given, &baseline};
-  // What the evidence speaks against needs no prediction.
-  for (std::size_t k = 0; k < models.size(); ++k) {
-    if (models[k].simulated && result.ranking[k].log_bayes_factor > 0.0) all.push_back(&models[k]);
-  }
-  for (const Model* model : all) forcesOf(*model, true);
-  runs_.makeMissing("held-out record");
-  std::map<const Model*, Eigen::VectorXd> curves;
-  for (const Model* model : all) {
-    const std::vector<SimulatedForce> forces = forcesOf(*model, false);
-    if (forces.empty()) continue;
-    const double delay = bestDelay(site, forces);
-    Eigen::VectorXd mean = Eigen::VectorXd::Zero(site.rows());
-    for (const SimulatedForce& force : forces) mean += site.bins(force, delay) / static_cast<double>(forces.size());
-    curves[model] = mean;
-  }
-  if (curves.count(&given) == 0 || curves.count(&baseline) == 0) return;
-  site.mean_n = curves[&given];
-  site.chaos_n = Eigen::VectorXd::Zero(site.rows());
-  site.known_share = Eigen::VectorXd::Zero(site.rows());
-  Eigen::MatrixXd covariance = computeNoiseCovariance(site.observation().noise, site.observation().time_s);
-  if (site.observation().ice_contact) {
-    site.known_share = computeKnownShare(discrepancy_, site.observation().time_s, site.observation().way_m);
-    covariance += discrepancyOf(site, curves[&baseline]);
-  }
-  const auto errorOf = [&](const Model* model) {
-    return curves.count(model) == 0 ? CurveError() : computeError(site.observation(), curves[model], covariance);
-  };
-  const CurveError without = errorOf(&baseline);
-  predicted_.resize(models.size());
-  for (std::size_t k = 0; k < models.size(); ++k) {
-    if (curves.count(&models[k]) == 0) continue;
-    predicted_[k] = {curves[&models[k]], errorOf(&models[k])};
-    Explanation& e = result.ranking[k];
-    e.holdout_rmse_n = predicted_[k].error.rmse_n;
-    e.holdout_ratio = e.holdout_rmse_n / without.rmse_n;
-  }
-  RecordCurves& c = site.curves;
-  c.baseline_n = curves[&given];
-  c.before = errorOf(&given);
-  c.refitted_n = curves[&baseline];
-  c.refitted = without;
-  c.total_sigma_n = covariance.diagonal().cwiseSqrt();
-  result.holdout.push_back(c);
 }
 
 void Chain::addDetectable(Identification& result, const Detectability& detectability) const {

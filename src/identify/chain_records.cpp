@@ -116,11 +116,9 @@ SimulatedForce Chain::asRead(SimulatedForce force, const Scenario& scenario, con
   return force;
 }
 
-/// The first record's lateral channels, turned to where most of the force is and across. A quarter of the bins: the
-/// pole moves slowly, and each row costs.
+/// Adds the first record's lateral channels, turned to where most of the force is and across.
 void Chain::addLateralSites() {
-  const Site vertical = sites_.front();  // a copy: sites_ grows
-  const Observation& all = vertical.observation();
+  const Observation& all = sites_.front().observation();
   if (all.lateral_n.rows() == 0 || !all.ice_contact) return;
   Eigen::Matrix2d sum = Eigen::Matrix2d::Zero();
   for (Eigen::Index i = 0; i < all.time_s.size(); ++i) {
@@ -129,6 +127,16 @@ void Chain::addLateralSites() {
   constexpr double kGridDeg = 5.0;
   lateral_direction_deg_ =
       kGridDeg * std::round(0.5 * std::atan2(2.0 * sum(0, 1), sum(0, 0) - sum(1, 1)) / kDegree / kGridDeg);
+  const std::vector<Site> lateral = lateralSites(sites_.front());
+  sites_.insert(sites_.end(), lateral.begin(), lateral.end());
+}
+
+/// The lateral channels of a record in the directions of the first one's; none where it has none. A quarter of the
+/// bins: the pole moves slowly, and each row costs.
+std::vector<Site> Chain::lateralSites(const Site& vertical) const {
+  std::vector<Site> sites;
+  const Observation& all = vertical.observation();
+  if (!lateral_direction_deg_ || all.lateral_n.rows() == 0 || !all.ice_contact) return sites;
   for (const double across_deg : {0.0, 90.0}) {
     Site site;
     site.curves.path = vertical.curves.path;
@@ -153,8 +161,9 @@ void Chain::addLateralSites() {
     }
     const double sigma = at_rest > 0.0 ? std::max(std::sqrt(square / at_rest), 1.0) : all.noise.white_n;
     o.noise = {sigma, sigma};
-    sites_.push_back(site);
+    sites.push_back(site);
   }
+  return sites;
 }
 
 /// A run of the baseline as given, or with one of its unknowns moved.
@@ -263,9 +272,8 @@ void Chain::stackRecords() {
 
 /// Covariance of what a lateral channel is off: what arrangements of the blocks differ by, and what a cell reads
 /// sideways that hangs one degree off the vertical, a fifth of it more or less as the lift goes on.
-Eigen::MatrixXd Chain::lateralDiscrepancy(const Site& site) const {
-  constexpr double kAskewRad = 0.0175, kChangingShare = 0.2;
-  const Site& vertical = sites_[site.record];
+Eigen::MatrixXd Chain::lateralDiscrepancy(const Site& site, const Site& vertical) const {
+  constexpr double kAskewRad = kDegree, kChangingShare = 0.2;
   Eigen::VectorXd askew_n(site.rows());
   for (Eigen::Index i = 0; i < site.rows(); ++i) askew_n[i] = kAskewRad * vertical.mean_n[i * kLateralThinning];
   const Eigen::VectorXd changing_n =
@@ -300,7 +308,8 @@ void Chain::setErrors(const Eigen::VectorXd& curve_n, const Eigen::VectorXd& x) 
     if (!site.observation().ice_contact) continue;
     // A lateral channel says nothing of the scale of what the simulator is off in the lift.
     if (site.direction_rad) {
-      errors_.noise.block(site.first_row, site.first_row, site.rows(), site.rows()) += lateralDiscrepancy(site);
+      errors_.noise.block(site.first_row, site.first_row, site.rows(), site.rows()) +=
+          lateralDiscrepancy(site, sites_[site.record]);
       continue;
     }
     errors_.discrepancy.block(site.first_row, site.first_row, site.rows(), site.rows()) =

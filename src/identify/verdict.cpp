@@ -72,20 +72,22 @@ void decide(Identification& result, const RecordReport& report, const Thresholds
     partial = partial || finding.code == "too_short" || finding.code == "no_contact";
   }
 
+  const auto heldOutSpeaksAgainst = [&](const Explanation& e) {
+    return e.holdout_log_ratio <= thresholds.holdout_log_ratio || e.holdout_ratio > thresholds.holdout_ratio;
+  };
   // A second effect has to show on the held-out record, too: the pair must predict it better than either alone.
   const auto earnsItsPlace = [&](const Explanation& pair) {
     for (const Explanation& e : result.ranking) {
       const bool part = e.effects.size() == 1 && e.confirmed &&
                         std::count(pair.effects.begin(), pair.effects.end(), e.effects[0]) > 0;
-      if (part && e.holdout_rmse_n < pair.holdout_rmse_n * thresholds.holdout_ratio) return false;
+      if (part && e.holdout_log_ratio >= pair.holdout_log_ratio) return false;
     }
     return true;
   };
   const auto holds = [&](const Explanation& e) {
     if (e.effects.size() > 1 && !earnsItsPlace(e)) return false;
     return e.confirmed && e.log_bayes_factor > e.threshold && e.detectability >= thresholds.detectability &&
-           !(e.holdout_ratio > thresholds.holdout_ratio) &&
-           (!excess || e.explained_ratio >= thresholds.explained_ratio);
+           !heldOutSpeaksAgainst(e) && (!excess || e.explained_ratio >= thresholds.explained_ratio);
   };
   // Without references, evidence also measures how well an effect looks like what the simulator is off for every lift.
   const bool untaught = !result.discrepancy.fromReferences();
@@ -99,22 +101,11 @@ void decide(Identification& result, const RecordReport& report, const Thresholds
     if (best->effects.size() == 1) {
       for (const Explanation& e : result.ranking) {
         if (e.effects == best->effects || e.effects.size() != 1 || e.log_bayes_factor <= 0.0) continue;
-        if (e.holdout_ratio > thresholds.holdout_ratio) continue;  // the held-out record speaks against it
+        if (heldOutSpeaksAgainst(e)) continue;
         if ((untaught && holds(e)) || hasAsMuchEvidence(e, *best, result.confusable, thresholds)) {
           contenders.push_back(&e);
         }
       }
-      // Whose evidence is alike, the held-out record may tell apart.
-      double least = best->holdout_rmse_n;
-      for (const Explanation* e : contenders) {
-        if (holds(*e)) least = std::min(least, e->holdout_rmse_n);
-      }
-      contenders.erase(std::remove_if(contenders.begin(), contenders.end(),
-                                      [&](const Explanation* e) {
-                                        return e->holdout_rmse_n > thresholds.rival_holdout_ratio * least;
-                                      }),
-                       contenders.end());
-      best = *std::find_if(contenders.begin(), contenders.end(), [&](const Explanation* e) { return holds(*e); });
     }
     result.accepted = static_cast<std::size_t>(best - result.ranking.data());
     result.effects = best->effects;
@@ -178,6 +169,10 @@ void describe(Identification& result, const Thresholds& thresholds) {
       text.push_back("Error on the held-out record: " + shortNumber(result.holdout.front().refitted.rmse_n) +
                      " N without the effect, " + shortNumber(e.holdout_rmse_n) + " N with it.");
     }
+    if (e.chi2_per_bin > thresholds.chi2_per_bin) {
+      text.push_back("What it leaves still means something (chi² of " + shortNumber(e.chi2_per_bin) +
+                     " per bin): its law differs from this one, or there is more that is missing.");
+    }
     if (!result.discrepancy.fromReferences()) {
       text.push_back(
           "No reference was given: what the simulator is off for every lift can pass for an effect. Lifts that lack "
@@ -186,15 +181,15 @@ void describe(Identification& result, const Thresholds& thresholds) {
     for (const Explanation& other : result.ranking) {
       if (!other.confirmed || other.log_bayes_factor <= other.threshold) continue;
       if (other.effects == e.effects || !hasAsMuchEvidence(other, e, result.confusable, thresholds)) continue;
-      std::string worse;
-      if (other.holdout_ratio > thresholds.holdout_ratio) {
-        worse = "worse than no effect does (" + shortNumber(other.holdout_ratio) + " of the error)";
-      } else if (other.holdout_rmse_n > thresholds.rival_holdout_ratio * e.holdout_rmse_n) {
-        worse = "with an error of " + shortNumber(other.holdout_rmse_n) + " N";
+      if (other.holdout_log_ratio > thresholds.holdout_log_ratio && other.holdout_ratio <= thresholds.holdout_ratio) {
+        continue;
       }
-      if (worse.empty()) continue;
+      if (!std::isfinite(other.holdout_log_ratio)) continue;
       text.push_back(joined(other.effects, "and") + " would explain this record as well (ln of the Bayes factor " +
-                     shortNumber(other.log_bayes_factor) + "), but predicts the held-out one " + worse + ".");
+                     shortNumber(other.log_bayes_factor) +
+                     "), but predicts the held-out one worse than no effect does (ln of the odds " +
+                     shortNumber(other.holdout_log_ratio) + ", " + shortNumber(other.holdout_ratio) +
+                     " of the error).");
     }
   } else {
     for (const Explanation& e : result.ranking) {

@@ -21,6 +21,7 @@ Explanation found(const std::vector<std::string>& effects, double log_bayes_fact
   e.detectability = 8.0;
   e.holdout_rmse_n = holdout_rmse_n;
   e.holdout_ratio = holdout_rmse_n / 1000.0;
+  e.holdout_log_ratio = (1000.0 - holdout_rmse_n) / 10.0;
   return e;
 }
 
@@ -76,7 +77,14 @@ TEST(Verdict, WhatWasNotSimulatedIsNotNamed) {
 }
 
 TEST(Verdict, WhatPredictsTheHeldOutRecordWorseThanNoEffectIsNotNamed) {
-  EXPECT_EQ(decided(ranked({found({"drainage"}, 20.0, 1030.0)})).verdict, Verdict::kUnknown);
+  EXPECT_EQ(decided(ranked({found({"drainage"}, 20.0, 1000.0)})).verdict, Verdict::kUnknown);
+  EXPECT_EQ(decided(ranked({found({"drainage"}, 20.0, 999.0)})).verdict, Verdict::kEffect);
+  // What is more probable may have a larger error, which counts where it is small as well as where it is large.
+  Explanation probable = found({"drainage"}, 20.0, 1240.0);
+  probable.holdout_log_ratio = 4.0;
+  EXPECT_EQ(decided(ranked({probable})).verdict, Verdict::kEffect);
+  probable.holdout_ratio = 1.26;
+  EXPECT_EQ(decided(ranked({probable})).verdict, Verdict::kUnknown);
   const Identification next =
       decided(ranked({found({"porosity_gradient"}, 20.0, 1110.0), found({"drainage"}, 18.0, 600.0)}));
   EXPECT_EQ(next.verdict, Verdict::kEffect);
@@ -84,9 +92,9 @@ TEST(Verdict, WhatPredictsTheHeldOutRecordWorseThanNoEffectIsNotNamed) {
   EXPECT_EQ(next.accepted, 1u);
 }
 
-TEST(Verdict, AnEffectHasToExplainMostOfAnExcess) {
+TEST(Verdict, AnEffectHasToExplainMuchOfAnExcess) {
   Explanation little = found({"drainage"}, 20.0);
-  little.explained_ratio = 0.5;
+  little.explained_ratio = 0.34;
   EXPECT_EQ(decided(ranked({little})).verdict, Verdict::kUnknown);
   // Where there is no excess, there is none to explain: its evidence is enough.
   EXPECT_EQ(decided(ranked({little}, 1.1)).verdict, Verdict::kEffect);
@@ -105,24 +113,7 @@ TEST(Verdict, OfMuchEvidenceAQuarterTellsNothingApart) {
   EXPECT_EQ(decided(ranked({found({"drainage"}, 36.0), found({"thickness_field"}, 26.9)})).verdict, Verdict::kEffect);
 }
 
-TEST(Verdict, TheHeldOutRecordTellsApartWhatTheEvidenceCannot) {
-  const std::vector<Explanation> close = {found({"drainage"}, 12.0, 600.0), found({"freeze_bonds"}, 11.0, 719.0)};
-  EXPECT_EQ(decided(ranked(close)).verdict, Verdict::kTie);
-  const Identification first =
-      decided(ranked({found({"drainage"}, 12.0, 600.0), found({"freeze_bonds"}, 11.0, 721.0)}));
-  EXPECT_EQ(first.verdict, Verdict::kEffect);
-  EXPECT_EQ(first.effects, Names{"drainage"});
-  const Identification second =
-      decided(ranked({found({"freeze_bonds"}, 12.0, 721.0), found({"drainage"}, 11.0, 600.0)}));
-  EXPECT_EQ(second.verdict, Verdict::kEffect);
-  EXPECT_EQ(second.effects, Names{"drainage"});
-  EXPECT_EQ(second.accepted, 1u);
-  // What would not be named itself does not take another's place.
-  const Identification weak = decided(ranked({found({"freeze_bonds"}, 7.0, 721.0), found({"drainage"}, 5.0, 600.0)}));
-  EXPECT_EQ(weak.effects, (Names{"freeze_bonds", "drainage"}));
-}
-
-TEST(Verdict, WithoutReferencesAllThatHoldAreRivalsAndTheHeldOutRecordDecides) {
+TEST(Verdict, WithoutReferencesAllThatHoldAreRivals) {
   const auto untaught = [](double first_rmse_n, double second_rmse_n) {
     Identification result =
         ranked({found({"thickness_field"}, 28.0, first_rmse_n), found({"drainage"}, 8.0, second_rmse_n)});
@@ -130,9 +121,8 @@ TEST(Verdict, WithoutReferencesAllThatHoldAreRivalsAndTheHeldOutRecordDecides) {
     result.discrepancy = Discrepancy();
     return decided(result);
   };
-  EXPECT_EQ(untaught(900.0, 760.0).effects, (Names{"thickness_field", "drainage"}));
-  EXPECT_EQ(untaught(930.0, 770.0).effects, Names{"drainage"});
-  EXPECT_EQ(untaught(760.0, 930.0).effects, Names{"thickness_field"});
+  EXPECT_EQ(untaught(930.0, 770.0).effects, (Names{"thickness_field", "drainage"}));
+  EXPECT_EQ(untaught(760.0, 1010.0).effects, Names{"thickness_field"});
 
   Identification told = untaught(930.0, 770.0);
   told.records.emplace_back();
@@ -160,7 +150,7 @@ TEST(Verdict, ARivalThatTheHeldOutRecordSpeaksAgainstIsNone) {
 
 TEST(Verdict, TellsWhatTheHeldOutRecordRuledOutAndNothingThatHasLessEvidence) {
   Identification result = decided(ranked({found({"porosity_gradient"}, 13.0, 1110.0), found({"drainage"}, 12.0, 600.0),
-                                          found({"freeze_bonds"}, 11.0, 800.0), found({"block_drop"}, 8.0, 900.0)}));
+                                          found({"freeze_bonds"}, 9.5, 1010.0), found({"block_drop"}, 8.0, 1200.0)}));
   ASSERT_EQ(result.effects, Names{"drainage"});
   result.records.emplace_back();
   result.holdout.emplace_back();

@@ -162,16 +162,19 @@ class Verdicts(TemporaryReport):
         report = made_report()
         stronger = report["ranking"][1]
         title = identify_report.effect_title(stronger["effects"][0])
-        stronger.update(log_bayes_factor=99.0, holdout_ratio=1.1)
+        stronger.update(log_bayes_factor=99.0, holdout_log_ratio=-3.1)
         box = self.box(report)
         self.assertIn(f"The evidence of this record for {title} is stronger (log Bayes factor 99.0), but it is not named: "
-                      "on the record that the fit has not seen its error is 1.10 of that without an effect, that of the "
-                      "named one 0.40.", box)
+                      "the record that the fit has not seen is less probable with it than without (log odds -3.1; with "
+                      "the named one 12.0).", box)
+        stronger.update(holdout_log_ratio=1.0, holdout_ratio=1.3)
+        self.assertIn("on the record that the fit has not seen its error is 1.30 of that without an effect, that of the "
+                      "named one 0.40.", self.box(report))
         self.assertNotIn(f"Next comes {title}", box)
         self.assertIn("Next comes", box)
         stronger.update(holdout_ratio=0.3, detectability=4.2, explained_ratio=0.3, confirmed=True)
         self.assertIn("but it is not named: d′ is 4.2, it explains 30 % of what is left unexplained.", self.box(report))
-        stronger["holdout_ratio"] = None
+        stronger["holdout_ratio"] = stronger["holdout_log_ratio"] = None
         self.assertIn("but it is not named: d′ is 4.2, it explains 30 % of what is left unexplained.", self.box(report))
         stronger["explained_ratio"] = None
         self.assertIn("but it is not named: d′ is 4.2.", self.box(report))

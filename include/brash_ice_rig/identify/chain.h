@@ -99,7 +99,7 @@ inline double score(const Model& m) {
 
 /// The steps from records to findings, in the order of doc/identification.md. Its files: chain_records.cpp has records,
 /// baseline and errors, chain_effects.cpp what effects do, chain_fit.cpp the fits, chain_findings.cpp what follows from
-/// them, identification.cpp puts them one after the other.
+/// them, chain_holdout.cpp the held-out record; identification.cpp puts them one after the other.
 class Chain {
  public:
   Chain(const IdentifyInput& input, RunLibrary& runs, const Thresholds& thresholds, const Discrepancy& discrepancy)
@@ -122,7 +122,8 @@ class Chain {
   SimulatedForce asRead(SimulatedForce force, const Scenario& scenario, const Eigen::VectorXd& x,
                         const std::vector<const Variant*>& variants) const;
   void addLateralSites();
-  Eigen::MatrixXd lateralDiscrepancy(const Site& site) const;
+  Eigen::MatrixXd lateralDiscrepancy(const Site& site, const Site& vertical) const;
+  std::vector<Site> lateralSites(const Site& vertical) const;
   /// An unknown of the baseline: its column in Site::slopes, its place in x, by how much it is moved.
   struct Slope {
     Eigen::Index column, unknown;

@@ -49,7 +49,10 @@ struct Explanation {
   double detectability = 0.0;  ///< d' of what was found
   bool confirmed = false;      ///< by simulation with the effect switched on
   double rmse_n = 0.0;
-  double holdout_rmse_n = 0.0, holdout_ratio = 0.0;  ///< NaN without
+  double holdout_rmse_n = 0.0;  ///< of the held-out record's vertical force; NaN without one
+  double holdout_ratio = 0.0;  ///< error of the held-out record over that without the effect, all channels; NaN without
+  /// ln of how much more probable the held-out record is with it than without; NaN without.
+  double holdout_log_ratio = 0.0;
   std::vector<ParameterEstimate> parameters;
   std::vector<double> baseline;  ///< fitted, in the order of Identification::baseline
   std::string note;

@@ -13,15 +13,15 @@ struct Thresholds {
   double chi2_per_bin = 1.27;              ///< above it, the refitted baseline's residual is significant
   double portmanteau_p = 0.001;            ///< below it, too
   double portmanteau_chi2_per_bin = 1.15;  ///< and chi² is above this
-  double explained_ratio = 0.6;            ///< of the excess of chi², that an effect must explain
-  double holdout_ratio = 1.02;             ///< held-out RMSE with the effect over that without, at most
+  double explained_ratio = 0.35;           ///< of the excess of chi², that an effect must explain
+  double holdout_log_ratio = 0.0;          ///< that the held-out record must exceed
+  double holdout_ratio = 1.25;             ///< held-out RMSE with the effect over that without, at most
   double rival_nats = 3.0;                 ///< effects whose evidence is this close cannot be told apart
   double rival_share = 0.25;               ///< or as close as this share of the better one's: no law is nature's
-  double rival_holdout_ratio = 1.2;  ///< of held-out RMSE; from there on the better one is not tied with the other
-  double rival_correlation = 0.9;    ///< of what two effects do to the force; above it they are of one class
-  double second_effect = 6.0;        ///< ln of the Bayes factor that a second effect must add
-  double detectability = 5.0;        ///< d' at which a magnitude counts as detectable, and below which none is named
-  int null_records = 0;              ///< no-effect records behind the effects' own thresholds
+  double rival_correlation = 0.9;          ///< of what two effects do to the force; above it they are of one class
+  double second_effect = 6.0;              ///< ln of the Bayes factor that a second effect must add
+  double detectability = 5.0;  ///< d' at which a magnitude counts as detectable, and below which none is named
+  int null_records = 0;        ///< no-effect records behind the effects' own thresholds
   /// The effects' own: the 97 % quantile of ln of the Bayes factor on those records, where it is above the common one.
   std::vector<std::pair<std::string, double>> own;
 

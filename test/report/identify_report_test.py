@@ -165,7 +165,7 @@ class Verdicts(TemporaryReport):
         stronger.update(log_bayes_factor=99.0, holdout_log_ratio=-3.1)
         box = self.box(report)
         self.assertIn(f"The evidence of this record for {title} is stronger (log Bayes factor 99.0), but it is not named: "
-                      "the record that the fit has not seen is less probable with it than without (log odds -3.1; with "
+                      "the record that the fit has not seen is less probable with it than without (log odds −3.1; with "
                       "the named one 12.0).", box)
         stronger.update(holdout_log_ratio=1.0, holdout_ratio=1.3)
         self.assertIn("on the record that the fit has not seen its error is 1.30 of that without an effect, that of the "

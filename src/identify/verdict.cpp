@@ -166,8 +166,9 @@ void describe(Identification& result, const Thresholds& thresholds) {
     text.push_back("Error on this record: " + shortNumber(refitted.rmse_n) + " N with the baseline refitted, " +
                    shortNumber(after.rmse_n) + " N with the effect.");
     if (std::isfinite(e.holdout_ratio)) {
-      text.push_back("Error on the held-out record: " + shortNumber(result.holdout.front().refitted.rmse_n) +
-                     " N without the effect, " + shortNumber(e.holdout_rmse_n) + " N with it.");
+      text.push_back("Held-out record: ln of its odds with the effect " + shortNumber(e.holdout_log_ratio) +
+                     ", error " + shortNumber(result.holdout.front().refitted.rmse_n) + " N without the effect, " +
+                     shortNumber(e.holdout_rmse_n) + " N with it.");
     }
     if (e.chi2_per_bin > thresholds.chi2_per_bin) {
       text.push_back("What it leaves still means something (chi² of " + shortNumber(e.chi2_per_bin) +

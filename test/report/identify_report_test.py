@@ -145,6 +145,7 @@ class Verdicts(TemporaryReport):
         box = self.box(report)
         self.assertIn("Missing in the simulation: water that drains out of the lifted ice.", box)
         self.assertIn("the log Bayes factor is 87.4, the threshold 7.1", box)
+        self.assertIn("Odds about 160,000 to one that the unseen record comes about with the effect", box)
         self.assertIn("Next comes blocks that fall off the collector", box)
         self.assertIn("0.270, with 95 % probability between 0.210 and 0.330", box)
         self.assertIn("Behind the thresholds stand 60 records without an effect", box)
@@ -205,7 +206,9 @@ class Verdicts(TemporaryReport):
     def test_a_larger_error_on_the_unseen_record_is_said(self):
         report = made_report()
         report["holdout"]["after"]["rmse_n"] = 1.1 * report["holdout"]["baseline_refitted"]["rmse_n"]
-        self.assertIn("On the unseen record the effect makes the error larger", self.box(report))
+        self.assertIn("Its error is larger with the effect, all the same", self.box(report))
+        report["holdout"]["after"]["rmse_n"] = 0.9 * report["holdout"]["baseline_refitted"]["rmse_n"]
+        self.assertNotIn("Its error is larger", self.box(report))
 
     def test_without_held_out_record_the_page_says_what_that_means(self):
         page = self.page(made_report(holdout=False))

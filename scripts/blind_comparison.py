@@ -445,7 +445,8 @@ def case_row(result, case):
             figure(top["log_bayes_factor"]) if top else "–",
             figure(best_evidence(case.report, case.truth)[0]) if case.report and case.known else "–",
             figure(result.detectabilities[case.name]), percent(top["explained_ratio"]) if top else "–",
-            figure(top["holdout_ratio"], 2) if top else "–", percent(fit.share) if fit else "–",
+            figure(top["holdout_ratio"], 2) if top else "–", figure(top["holdout_log_ratio"]) if top else "–",
+            percent(fit.share) if fit else "–",
             percent(holdout.share) if holdout else "–",
             f"{sum(one.inside for one in found)} of {len(found)}" if found else "–"]
 
@@ -555,10 +556,11 @@ def markdown(result, made):
         "one at d′ ≥ 8 that was missed.",
         "## Cases", rows(
             ["case", "truth", "expected", "verdict", "named", "outcome", "ln B of the first", "ln B of the truth",
-             "d′", "explained", "held-out ratio", "removed, fit", "removed, held out", "intervals that hold"],
+             "d′", "explained", "held-out ratio", "held-out ln odds", "removed, fit", "removed, held out",
+             "intervals that hold"],
             *(case_row(result, case) for case in result.cases)),
         "\n".join(f"- *{name}*: {OUTCOMES[name]}." for name in used),
-        "Explained and held-out ratio are the report's, for the first of its ranking.",
+        "Explained, held-out ratio and ln odds are the report's, for the first of its ranking.",
         "## Misses",
         "\n".join(f"- `{case.name}` ({result.outcomes[case.name]}): {why_missed(result, case)}." for case in missed)
         or "None.",

@@ -171,7 +171,6 @@ std::string toJson(const Identification& id, const Thresholds& t) {
                         {"portmanteau_p", t.portmanteau_p},
                         {"explained_ratio", t.explained_ratio},
                         {"holdout_log_ratio", t.holdout_log_ratio},
-                        {"holdout_ratio", t.holdout_ratio},
                         {"rival_nats", t.rival_nats},
                         {"rival_share", t.rival_share},
                         {"rival_correlation", t.rival_correlation},

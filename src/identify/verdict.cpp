@@ -73,7 +73,7 @@ void decide(Identification& result, const RecordReport& report, const Thresholds
   }
 
   const auto heldOutSpeaksAgainst = [&](const Explanation& e) {
-    return e.holdout_log_ratio <= thresholds.holdout_log_ratio || e.holdout_ratio > thresholds.holdout_ratio;
+    return e.holdout_log_ratio <= thresholds.holdout_log_ratio;
   };
   // A second effect has to show on the held-out record, too: the pair must predict it better than either alone.
   const auto earnsItsPlace = [&](const Explanation& pair) {
@@ -84,10 +84,12 @@ void decide(Identification& result, const RecordReport& report, const Thresholds
     }
     return true;
   };
+  const auto stands = [&](const Explanation& e) {
+    return e.confirmed && e.log_bayes_factor > e.threshold && e.detectability >= thresholds.detectability;
+  };
   const auto holds = [&](const Explanation& e) {
     if (e.effects.size() > 1 && !earnsItsPlace(e)) return false;
-    return e.confirmed && e.log_bayes_factor > e.threshold && e.detectability >= thresholds.detectability &&
-           !heldOutSpeaksAgainst(e) && (!excess || e.explained_ratio >= thresholds.explained_ratio);
+    return stands(e) && !heldOutSpeaksAgainst(e) && (!excess || e.explained_ratio >= thresholds.explained_ratio);
   };
   // Without references, evidence also measures how well an effect looks like what the simulator is off for every lift.
   const bool untaught = !result.discrepancy.fromReferences();
@@ -113,10 +115,10 @@ void decide(Identification& result, const RecordReport& report, const Thresholds
     for (const Explanation* e : contenders) {
       if (e != best) result.effects.push_back(e->effects.front());
     }
-  } else if (partial && !result.significant) {
-    result.verdict = Verdict::kCannotTell;
   } else {
-    result.verdict = result.significant ? Verdict::kUnknown : Verdict::kNone;
+    // Where an effect would explain this record but not the held-out one, something is missing all the same.
+    const bool missing = result.significant || std::any_of(result.ranking.begin(), result.ranking.end(), stands);
+    result.verdict = missing ? Verdict::kUnknown : partial ? Verdict::kCannotTell : Verdict::kNone;
   }
 }
 
@@ -137,8 +139,9 @@ void describe(Identification& result, const Thresholds& thresholds) {
         if (!e.confirmed || e.log_bayes_factor <= thresholds.rival_nats) break;
         std::string nearest = "Nearest comes " + joined(e.effects, "and") + ": ln of the Bayes factor " +
                               shortNumber(e.log_bayes_factor) + " (asked: more than " + shortNumber(e.threshold) + ")";
-        if (std::isfinite(e.holdout_ratio)) {
-          nearest += ", error on the held-out record " + shortNumber(e.holdout_ratio) + " of that without it";
+        if (std::isfinite(e.holdout_log_ratio)) {
+          nearest += ", of the held-out record " + shortNumber(e.holdout_log_ratio) + " (asked: more than " +
+                     shortNumber(thresholds.holdout_log_ratio) + ")";
         }
         text.push_back(nearest + ".");
       }
@@ -182,15 +185,11 @@ void describe(Identification& result, const Thresholds& thresholds) {
     for (const Explanation& other : result.ranking) {
       if (!other.confirmed || other.log_bayes_factor <= other.threshold) continue;
       if (other.effects == e.effects || !hasAsMuchEvidence(other, e, result.confusable, thresholds)) continue;
-      if (other.holdout_log_ratio > thresholds.holdout_log_ratio && other.holdout_ratio <= thresholds.holdout_ratio) {
-        continue;
-      }
-      if (!std::isfinite(other.holdout_log_ratio)) continue;
+      if (!(other.holdout_log_ratio <= thresholds.holdout_log_ratio)) continue;
       text.push_back(joined(other.effects, "and") + " would explain this record as well (ln of the Bayes factor " +
                      shortNumber(other.log_bayes_factor) +
-                     "), but predicts the held-out one worse than no effect does (ln of the odds " +
-                     shortNumber(other.holdout_log_ratio) + ", " + shortNumber(other.holdout_ratio) +
-                     " of the error).");
+                     "), but the held-out one is less probable with it than without (ln of the odds " +
+                     shortNumber(other.holdout_log_ratio) + ").");
     }
   } else {
     for (const Explanation& e : result.ranking) {

@@ -79,12 +79,10 @@ TEST(Verdict, WhatWasNotSimulatedIsNotNamed) {
 TEST(Verdict, WhatPredictsTheHeldOutRecordWorseThanNoEffectIsNotNamed) {
   EXPECT_EQ(decided(ranked({found({"drainage"}, 20.0, 1000.0)})).verdict, Verdict::kUnknown);
   EXPECT_EQ(decided(ranked({found({"drainage"}, 20.0, 999.0)})).verdict, Verdict::kEffect);
-  // What is more probable may have a larger error, which counts where it is small as well as where it is large.
+  // What is more probable may have a larger error: that counts newtons where the simulator is off by hundreds.
   Explanation probable = found({"drainage"}, 20.0, 1240.0);
-  probable.holdout_log_ratio = 4.0;
+  probable.holdout_log_ratio = 0.1;
   EXPECT_EQ(decided(ranked({probable})).verdict, Verdict::kEffect);
-  probable.holdout_ratio = 1.26;
-  EXPECT_EQ(decided(ranked({probable})).verdict, Verdict::kUnknown);
   const Identification next =
       decided(ranked({found({"porosity_gradient"}, 20.0, 1110.0), found({"drainage"}, 18.0, 600.0)}));
   EXPECT_EQ(next.verdict, Verdict::kEffect);
@@ -182,6 +180,13 @@ TEST(Verdict, WithoutAnEffectTheResidualDecides) {
   result.chi2_per_bin = 1.1;
   EXPECT_EQ(decided(result).verdict, Verdict::kNone);
   EXPECT_EQ(decided(ranked({found({"drainage"}, 2.0)}, 1.28)).verdict, Verdict::kUnknown);
+}
+
+TEST(Verdict, WhatTheHeldOutRecordSpeaksAgainstIsNoProofThatNothingIsMissing) {
+  EXPECT_EQ(decided(ranked({found({"drainage"}, 20.0, 1010.0)}, 0.9)).verdict, Verdict::kUnknown);
+  Explanation small = found({"drainage"}, 20.0, 1010.0);
+  small.detectability = 4.9;
+  EXPECT_EQ(decided(ranked({small}, 0.9)).verdict, Verdict::kNone);
 }
 
 TEST(Verdict, NothingFoundInPartOfALiftProvesNothing) {

@@ -204,6 +204,7 @@ Variant makeFalls(const std::vector<double>& times_s) {
   for (std::size_t k = 0; k < times_s.size(); ++k) {
     v.label += (k == 0 ? "at " : " and ") + formatNumber(times_s[k]) + " s";
     v.amplitudes.push_back(makeAmplitude(parameterOf(effect, named("mass", k, "kg"))));
+    v.amplitudes.back().once = true;
   }
   v.apply = [times_s, named, &effect](EffectValues& values, const Eigen::VectorXd& a) {
     values.enabled = true;
@@ -245,6 +246,7 @@ Variant makeSwell(const std::vector<double>& periods_s) {
       a.name += std::string(" (") + part + ")";
       a.positive = false;
       a.least = -a.most;
+      a.swing = static_cast<int>(k) + 1;
       v.amplitudes.push_back(a);
     }
   }
@@ -306,6 +308,7 @@ std::vector<Variant> makeTilts(double direction_deg, const Eigen::VectorXd& time
       a.name += sizes[k].part;
       a.positive = false;
       a.least = -a.most;
+      a.swing = sizes[k].parameter == &sway ? 1 : 0;
       // What the way does to the vertical force is the same to both sides, and scatters as much for a small one.
       const double fit = fitted[static_cast<Eigen::Index>(k)];
       if (lean_ratio > 0.0) a.step = std::copysign(std::clamp(std::abs(fit), a.step, a.most), fit);

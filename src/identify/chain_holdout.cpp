@@ -4,157 +4,265 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <optional>
+#include <utility>
 
 namespace brash_ice_rig {
 namespace {
 
-/// Mean of some simulations in the bins of a site.
-Eigen::VectorXd meanOf(const Site& site, const std::vector<SimulatedForce>& forces, double delay_s) {
-  Eigen::VectorXd mean = Eigen::VectorXd::Zero(site.rows());
-  for (const SimulatedForce& force : forces) mean += site.bins(force, delay_s) / static_cast<double>(forces.size());
-  return mean;
-}
+using Forces = std::vector<SimulatedForce>;
 
-/// What a model says of a record, with every delay that a spot may have: within 1.5 s, with a standard deviation of
-/// 0.5 s.
-struct Prediction {
-  std::vector<SimulatedForce> forces;
-  std::vector<Eigen::VectorXd> curves;  ///< of the mean, one per delay
-  std::vector<double> delays_s, log_weight;
-  std::size_t best = 0;  ///< the delay that fits the record best
+/// A record and its lateral channels, in one.
+struct Channels {
+  std::vector<Site> sites;  ///< the record first
 
-  Prediction(const Site& site, std::vector<SimulatedForce> simulated) : forces(std::move(simulated)) {
-    constexpr double kSigmaS = 0.5, kMostS = 1.5;
-    constexpr int kSteps = 30;
-    const Eigen::VectorXd& record = site.observation().force_n;
-    const double scale = 0.05 * record.cwiseAbs().maxCoeff();
-    double least_cost = std::numeric_limits<double>::infinity();
-    for (int step = -kSteps; step <= kSteps; ++step) {
-      delays_s.push_back(kMostS * step / kSteps);
-      log_weight.push_back(-0.5 * delays_s.back() * delays_s.back() / (kSigmaS * kSigmaS));
-      curves.push_back(meanOf(site, forces, delays_s.back()));
-      const double cost = (record - curves.back()).squaredNorm() / (scale * scale) * 0.1 - 2.0 * log_weight.back();
-      if (cost < least_cost) {
-        least_cost = cost;
-        best = curves.size() - 1;
-      }
-    }
+  Eigen::Index rows() const {
+    Eigen::Index sum = 0;
+    for (const Site& site : sites) sum += site.rows();
+    return sum;
   }
-
-  const Eigen::VectorXd& curve() const { return curves[best]; }
+  Eigen::VectorXd data() const {
+    std::vector<Eigen::VectorXd> parts;
+    for (const Site& site : sites) parts.push_back(site.observation().force_n);
+    return stacked(parts);
+  }
+  /// Mean of some simulations. What moves nothing sideways predicts no lateral force.
+  Eigen::VectorXd mean(const Forces& forces, double delay_s, bool sideways) const {
+    std::vector<Eigen::VectorXd> parts;
+    for (const Site& site : sites) {
+      parts.push_back(Eigen::VectorXd::Zero(site.rows()));
+      if (site.direction_rad && !sideways) continue;
+      for (const SimulatedForce& f : forces) parts.back() += site.bins(f, delay_s) / static_cast<double>(forces.size());
+    }
+    return stacked(parts);
+  }
+  /// Sum of the channels' mean squares.
+  double meanSquare(const Eigen::VectorXd& all) const {
+    double sum = 0.0;
+    Eigen::Index row = 0;
+    for (const Site& site : sites) {
+      sum += all.segment(row, site.rows()).squaredNorm() / static_cast<double>(site.rows());
+      row += site.rows();
+    }
+    return sum;
+  }
 };
 
-double meanSquare(const Eigen::VectorXd& error) {
-  return error.squaredNorm() / static_cast<double>(error.size());
-}
+/// What a model says of another lift: what comes back as it was; what comes back with another phase; what may come
+/// back or not.
+struct Parts {
+  Forces always, with_events;  ///< the latter empty where there are none
+  std::vector<Forces> swings;  ///< each with `always`
+  std::vector<double> shares;  ///< of the swings: the standard deviation of each with a phase that is not known
+};
 
 }  // namespace
 
-/// Predicts a record that was not fitted. Only its own delay is fitted, for every model alike: when the rim meets the
-/// ice is a matter of the spot.
+/// A model without those of its effects that are zero at x, and what is left of x.
+std::pair<std::vector<const Variant*>, Eigen::VectorXd> Chain::withoutZeros(const Model& model,
+                                                                            const Eigen::VectorXd& x) const {
+  std::vector<const Variant*> variants;
+  Eigen::VectorXd left = x.head(unknowns());
+  Eigen::Index column = unknowns();
+  for (const Variant* v : model.variants) {
+    const auto count = static_cast<Eigen::Index>(v->amplitudes.size());
+    const Eigen::VectorXd own = x.segment(column, count);
+    column += count;
+    if (own.isZero(0.0)) continue;
+    variants.push_back(v);
+    left.conservativeResize(left.size() + count);
+    left.tail(count) = own;
+  }
+  return {variants, left};
+}
+
+/// Predicts a record that was not fitted. When the rim meets the ice is a matter of the spot, and the phase of a swing
+/// and whether blocks fall a matter of the moment: these are open, for every model alike.
 void Chain::evaluateHoldout(const Model& baseline, const std::vector<Model>& models, Identification& result) {
-  Site site = makeSite(*input_.holdout);
+  Channels channels;
+  channels.sites.push_back(makeSite(*input_.holdout));
+  const std::vector<Site> lateral = lateralSites(channels.sites.front());
+  channels.sites.insert(channels.sites.end(), lateral.begin(), lateral.end());
+  Site& site = channels.sites.front();
   const Observation& o = site.observation();
+
   Model given;
   given.x = Eigen::VectorXd::Zero(unknowns());
   given.simulated = true;
-  const auto forcesOf = [&](const Model& model, bool request_only) {
-    std::vector<SimulatedForce> forces;
+  const auto forcesAt = [&](const Model& model, const Eigen::VectorXd& at, bool request_only) {
+    const auto [variants, x] = withoutZeros(model, at);
+    Forces forces;
     for (int seed = 1; seed <= kPairs; ++seed) {
-      const Scenario s = scenarioAt(site, model.x, model.variants, seed);
+      const Scenario s = scenarioAt(site, x, variants, seed);
       const std::string key = runs_.request(s);
       if (request_only || runs_.failed(key)) continue;
-      forces.push_back(&model == &given ? runs_.force(key) : asRead(corrected(key), s, model.x, model.variants));
+      forces.push_back(&model == &given ? runs_.force(key) : asRead(corrected(key), s, x, variants));
     }
     return forces;
+  };
+  const auto partsOf = [&](const Model& model, bool request_only) {
+    Parts parts;
+    Eigen::VectorXd always = model.x, events = model.x;
+    std::vector<std::pair<Eigen::Index, double>> swings;
+    bool has_events = false;
+    Eigen::Index column = unknowns();
+    for (const Variant* v : model.variants) {
+      std::map<int, std::pair<double, int>> square_and_count;
+      for (std::size_t k = 0; k < v->amplitudes.size(); ++k) {
+        if (v->amplitudes[k].swing == 0) continue;
+        auto& [square, count] = square_and_count[v->amplitudes[k].swing];
+        square += std::pow(model.x[column + static_cast<Eigen::Index>(k)], 2);
+        ++count;
+      }
+      for (const Amplitude& a : v->amplitudes) {
+        if (a.once) always[column] = 0.0;
+        has_events = has_events || a.once;
+        if (a.swing != 0) {
+          const auto& [square, count] = square_and_count.at(a.swing);
+          if (square > 0.0) {
+            swings.emplace_back(column, std::sqrt(square));
+            parts.shares.push_back(1.0 / std::sqrt(count));
+          }
+          always[column] = events[column] = 0.0;
+        }
+        ++column;
+      }
+    }
+    parts.always = forcesAt(model, always, request_only);
+    if (has_events) parts.with_events = forcesAt(model, events, request_only);
+    for (const auto& [at, size] : swings) {
+      Eigen::VectorXd x = always;
+      x[at] = size;
+      parts.swings.push_back(forcesAt(model, x, request_only));
+    }
+    return parts;
   };
   std::vector<const Model*> all{&given, &baseline};
   // What the evidence speaks against needs no prediction.
   for (std::size_t k = 0; k < models.size(); ++k) {
     if (models[k].simulated && result.ranking[k].log_bayes_factor > 0.0) all.push_back(&models[k]);
   }
-  for (const Model* model : all) forcesOf(*model, true);
+  for (const Model* model : all) partsOf(*model, true);
   runs_.makeMissing("held-out record");
-  std::map<const Model*, Prediction> predictions;
-  for (const Model* model : all) {
-    const std::vector<SimulatedForce> forces = forcesOf(*model, false);
-    if (!forces.empty()) predictions.emplace(model, Prediction(site, forces));
-  }
-  if (predictions.count(&given) == 0 || predictions.count(&baseline) == 0) return;
-  const Prediction& without = predictions.at(&baseline);
 
-  site.mean_n = predictions.at(&given).curve();
-  site.chaos_n = Eigen::VectorXd::Zero(site.rows());
-  site.known_share = Eigen::VectorXd::Zero(site.rows());
+  const Forces given_forces = forcesAt(given, given.x, false), baseline_forces = forcesAt(baseline, baseline.x, false);
+  if (given_forces.empty() || baseline_forces.empty()) return;
+  const Eigen::VectorXd without_n = channels.mean(baseline_forces, 0.0, false);
+  site.mean_n = channels.mean(given_forces, 0.0, false).head(site.rows());
+  site.chaos_n = site.known_share = Eigen::VectorXd::Zero(site.rows());
+  if (o.ice_contact) site.known_share = computeKnownShare(discrepancy_, o.time_s, o.way_m);
+  const Eigen::Index rows = channels.rows();
   ErrorModel errors;
-  errors.noise = computeNoiseCovariance(o.noise, o.time_s);
-  errors.discrepancy = Eigen::MatrixXd::Zero(site.rows(), site.rows());
-  if (o.ice_contact) {
-    site.known_share = computeKnownShare(discrepancy_, o.time_s, o.way_m);
-    errors.discrepancy = discrepancyOf(site, without.curve());
+  errors.noise = errors.discrepancy = Eigen::MatrixXd::Zero(rows, rows);
+  Eigen::Index row = 0;
+  for (std::size_t i = 0; i < channels.sites.size(); ++i) {
+    Site& channel = channels.sites[i];
+    auto noise = errors.noise.block(row, row, channel.rows(), channel.rows());
+    noise = computeNoiseCovariance(channel.observation().noise, channel.observation().time_s);
+    if (i == 0 && o.ice_contact) {
+      errors.discrepancy.topLeftCorner(site.rows(), site.rows()) = discrepancyOf(site, without_n.head(site.rows()));
+    } else if (i > 0) {
+      // How arrangements of the blocks differ sideways is known from the first record.
+      const Eigen::VectorXd& known_n = sites_[records_ + i - 1].chaos_n;
+      channel.chaos_n = Eigen::VectorXd::Constant(
+          channel.rows(), std::sqrt(known_n.squaredNorm() / static_cast<double>(known_n.size())));
+      noise += lateralDiscrepancy(channel, site);
+    }
+    row += channel.rows();
   }
-  const Eigen::MatrixXd covariance = errors.noise + errors.discrepancy;
-
-  std::vector<Site> lateral = lateralSites(site);
-  for (std::size_t i = 0; i < lateral.size(); ++i) {
-    // How arrangements of the blocks differ sideways is known from the first record.
-    lateral[i].chaos_n =
-        Eigen::VectorXd::Constant(lateral[i].rows(), std::sqrt(meanSquare(sites_[records_ + i].chaos_n)));
-  }
-  // A model that moves nothing sideways predicts no lateral force.
-  const auto sidewaysOf = [&](const Model& model, const Site& channel) -> Eigen::VectorXd {
-    if (!actsSideways(model)) return Eigen::VectorXd::Zero(channel.rows());
-    const Prediction& p = predictions.at(&model);
-    return meanOf(channel, p.forces, p.delays_s[p.best]);
+  const Eigen::MatrixXd covariance = (errors.noise + errors.discrepancy).topLeftCorner(site.rows(), site.rows());
+  const Eigen::VectorXd data = channels.data();
+  // What an effect's law may be off, for a change of the force of this size.
+  const auto addForm = [&](const Eigen::VectorXd& change, double weight, Eigen::MatrixXd& noise) {
+    Eigen::Index from = 0;
+    for (const Site& channel : channels.sites) {
+      noise.block(from, from, channel.rows(), channel.rows()) +=
+          weight * computeFormCovariance(discrepancy_, channel.observation(), change.segment(from, channel.rows()));
+      from += channel.rows();
+    }
   };
-  // As in the fit, the law and the size of an effect may be off. What it does to this record is taken to be how its
-  // prediction differs from the baseline's.
-  const auto logProbabilityOf = [&](const Model& model) {
-    const Prediction& p = predictions.at(&model);
+
+  struct Prediction {
+    double log_density = 0.0;
+    Eigen::VectorXd mean_n;  ///< the most probable one, of all channels
+  };
+  const auto predict = [&](const Model& model) -> std::optional<Prediction> {
+    const Parts parts = partsOf(model, false);
+    const bool sideways = actsSideways(model);
+    const auto isEmpty = [](const Forces& f) { return f.empty(); };
+    if (parts.always.empty() || std::any_of(parts.swings.begin(), parts.swings.end(), isEmpty)) return std::nullopt;
     ErrorModel allowed = errors;
     const bool changes_force = std::any_of(model.variants.begin(), model.variants.end(),
                                            [](const Variant* v) { return !v->effect->reading_only; });
+    const Eigen::VectorXd always_n = channels.mean(parts.always, 0.0, sideways);
     if (changes_force && o.ice_contact) {
-      allowed.noise += computeFormCovariance(discrepancy_, o, p.curve() - without.curve());
+      const Forces& largest = parts.with_events.empty() ? parts.always : parts.with_events;
+      addForm(channels.mean(largest, 0.0, sideways) - without_n, 1.0, allowed.noise);
+      for (std::size_t k = 0; k < parts.swings.size(); ++k) {
+        addForm(channels.mean(parts.swings[k], 0.0, sideways) - always_n, parts.shares[k] * parts.shares[k],
+                allowed.noise);
+      }
     }
-    // One delay would not do: where a curve rises a quarter of a second early there is nothing but noise to allow for
-    // it.
-    double sum = computeLogDensity(o.force_n, p.curves, p.log_weight, allowed);
-    for (const Site& channel : lateral) {
-      const Eigen::VectorXd curve = sidewaysOf(model, channel);
-      ErrorModel sideways;
-      sideways.noise = computeNoiseCovariance(channel.observation().noise, channel.observation().time_s) +
-                       lateralDiscrepancy(channel, site) +
-                       computeFormCovariance(discrepancy_, channel.observation(), curve);
-      sideways.discrepancy = Eigen::MatrixXd::Zero(channel.rows(), channel.rows());
-      sum += computeLogDensity(channel.observation().force_n, {curve}, {0.0}, sideways);
+    // One delay would not do: where a curve rises a quarter of a second early there is only noise to allow for it.
+    constexpr double kSigmaS = 0.5, kMostS = 1.5;
+    constexpr int kSteps = 30;
+    std::vector<LinearModel> ways;
+    std::vector<double> log_weight;
+    const auto count = static_cast<Eigen::Index>(parts.swings.size());
+    for (int step = -kSteps; step <= kSteps; ++step) {
+      const double delay_s = kMostS * step / kSteps;
+      LinearModel way;
+      way.offset = channels.mean(parts.always, delay_s, sideways);
+      way.columns.resize(rows, count);
+      way.prior_mean = Eigen::VectorXd::Zero(count);
+      way.prior_sigma.resize(count);
+      way.positive.assign(parts.swings.size(), false);
+      for (Eigen::Index k = 0; k < count; ++k) {
+        const auto swing = static_cast<std::size_t>(k);
+        way.columns.col(k) = channels.mean(parts.swings[swing], delay_s, sideways) - way.offset;
+        way.prior_sigma[k] = parts.shares[swing];
+      }
+      ways.push_back(way);
+      log_weight.push_back(-0.5 * delay_s * delay_s / (kSigmaS * kSigmaS));
+      if (parts.with_events.empty()) continue;
+      ways.push_back(way);
+      ways.back().offset = channels.mean(parts.with_events, delay_s, sideways);
+      log_weight.push_back(log_weight.back());
     }
-    return sum;
+    Prediction p;
+    p.log_density = computeLogDensity(data, ways, log_weight, allowed);
+    const FactoredErrors factored(allowed, 1.0);
+    double best = -std::numeric_limits<double>::infinity();
+    const LinearModel* best_way = nullptr;
+    for (std::size_t i = 0; i < ways.size(); ++i) {
+      const double density = computeLogEvidence(data, ways[i], factored) + log_weight[i];
+      if (density > best) {
+        best = density;
+        best_way = &ways[i];
+      }
+    }
+    p.mean_n = fitLinear(data, *best_way, allowed).mean;
+    return p;
   };
-  const auto meanSquareOf = [&](const Model& model) {
-    double sum = meanSquare(predictions.at(&model).curve() - o.force_n);
-    for (const Site& channel : lateral) {
-      sum += meanSquare(sidewaysOf(model, channel) - channel.observation().force_n);
-    }
-    return sum;
-  };
+  const auto errorOf = [&](const Prediction& p) { return computeError(o, p.mean_n.head(site.rows()), covariance); };
 
-  const double log_probability_without = logProbabilityOf(baseline), mean_square_without = meanSquareOf(baseline);
+  const Prediction as_given = *predict(given), without = *predict(baseline);
   predicted_.resize(models.size());
   for (std::size_t k = 0; k < models.size(); ++k) {
-    if (predictions.count(&models[k]) == 0) continue;
-    const Eigen::VectorXd& curve = predictions.at(&models[k]).curve();
-    predicted_[k] = {curve, computeError(o, curve, covariance)};
+    if (std::find(all.begin(), all.end(), &models[k]) == all.end()) continue;
+    const std::optional<Prediction> with = predict(models[k]);
+    if (!with) continue;
+    predicted_[k] = {with->mean_n.head(site.rows()), errorOf(*with)};
     Explanation& e = result.ranking[k];
     e.holdout_rmse_n = predicted_[k].error.rmse_n;
-    e.holdout_ratio = std::sqrt(meanSquareOf(models[k]) / mean_square_without);
-    e.holdout_log_ratio = logProbabilityOf(models[k]) - log_probability_without;
+    e.holdout_ratio = std::sqrt(channels.meanSquare(with->mean_n - data) / channels.meanSquare(without.mean_n - data));
+    e.holdout_log_ratio = with->log_density - without.log_density;
   }
   RecordCurves& c = site.curves;
-  c.baseline_n = site.mean_n;
-  c.before = computeError(o, c.baseline_n, covariance);
-  c.refitted_n = without.curve();
-  c.refitted = computeError(o, c.refitted_n, covariance);
+  c.baseline_n = as_given.mean_n.head(site.rows());
+  c.before = errorOf(as_given);
+  c.refitted_n = without.mean_n.head(site.rows());
+  c.refitted = errorOf(without);
   c.total_sigma_n = covariance.diagonal().cwiseSqrt();
   result.holdout.push_back(c);
 }

@@ -315,19 +315,16 @@ double computeQuantile(const std::vector<UnknownDensity>& densities, double shar
   return 0.5 * (low + high);
 }
 
-double computeLogDensity(const Eigen::VectorXd& y, const std::vector<Eigen::VectorXd>& curves,
+double computeLogDensity(const Eigen::VectorXd& y, const std::vector<LinearModel>& models,
                          const std::vector<double>& log_weight, const ErrorModel& errors) {
-  assert(!curves.empty() && curves.size() == log_weight.size());
+  assert(!models.empty() && models.size() == log_weight.size());
   constexpr int kSteps = 9;  // of kappa to either side
   double best = -std::numeric_limits<double>::infinity();
   for (int step = -kSteps; step <= kSteps; ++step) {
     const FactoredErrors factored(errors, std::exp(std::log(kMaxKappa) * step / kSteps));
-    LinearModel mean;
-    mean.columns.resize(y.size(), 0);
     std::vector<double> weighed;
-    for (std::size_t i = 0; i < curves.size(); ++i) {
-      mean.offset = curves[i];
-      weighed.push_back(computeLogEvidence(y, mean, factored) + log_weight[i]);
+    for (std::size_t i = 0; i < models.size(); ++i) {
+      weighed.push_back(computeLogEvidence(y, models[i], factored) + log_weight[i]);
     }
     best = std::max(best, logMeanExp(weighed));
   }

@@ -58,6 +58,7 @@ Identification Chain::run() {
     if (to_confirm.size() == 1) break;
     confirm(to_confirm, "full simulations of the best explanations");
   }
+  startAgain(baseline, models);
   // A simulation counts for more than a straight line.
   std::stable_sort(models.begin(), models.end(), [](const Model& a, const Model& b) {
     return a.simulated != b.simulated ? a.simulated : score(a) > score(b);
@@ -78,6 +79,23 @@ Identification Chain::run() {
   addCurves(baseline, result.accepted ? &models[*result.accepted] : nullptr, result);
   describe(result, thresholds_);
   return result;
+}
+
+/// Lets the baseline start once more from the ice of the best explanation: what that owes to a better fit of the ice
+/// must not count for its effect.
+void Chain::startAgain(Model& baseline, const std::vector<Model>& models) {
+  const Model* best = nullptr;
+  for (const Model& m : models) {
+    if (m.simulated && !isHopeless(m, baseline) && (best == nullptr || score(m) > score(*best))) best = &m;
+  }
+  if (best == nullptr) return;
+  Model again = baseline;
+  again.fit.x = best->fit.x.head(unknowns());
+  for (int pass = 0; pass < kPasses; ++pass) {
+    confirm({&again}, "baseline from the ice of the best explanation");
+    if (again.frozen || again.fit.log_evidence <= baseline.fit.log_evidence) return;
+    baseline = again;
+  }
 }
 
 /// Each effect in its best shape, the likeliest first. Those that will be confirmed are taken on all pairs before.

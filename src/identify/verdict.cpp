@@ -75,12 +75,12 @@ void decide(Identification& result, const RecordReport& report, const Thresholds
   const auto heldOutSpeaksAgainst = [&](const Explanation& e) {
     return e.holdout_log_ratio <= thresholds.holdout_log_ratio;
   };
-  // A second effect has to show on the held-out record, too: the pair must predict it better than either alone.
+  // A second effect must not make the held-out record less probable than either alone.
   const auto earnsItsPlace = [&](const Explanation& pair) {
     for (const Explanation& e : result.ranking) {
       const bool part = e.effects.size() == 1 && e.confirmed &&
                         std::count(pair.effects.begin(), pair.effects.end(), e.effects[0]) > 0;
-      if (part && e.holdout_log_ratio >= pair.holdout_log_ratio) return false;
+      if (part && pair.holdout_log_ratio - e.holdout_log_ratio <= thresholds.holdout_log_ratio) return false;
     }
     return true;
   };

@@ -66,28 +66,35 @@ TEST(LinearFit, KappaGrowsWithWhatTheDiscrepancyHasToExplain) {
   EXPECT_GT(wild.chi2_per_datum, calm.chi2_per_datum);
 }
 
+LinearModel curve(const Eigen::VectorXd& mean) {
+  LinearModel m;
+  m.offset = mean;
+  m.columns.resize(mean.size(), 0);
+  return m;
+}
+
 TEST(LogDensity, IsThatOfAMixtureOfGaussians) {
   ErrorModel e;
   e.noise.resize(2, 2);
   e.noise << 0.25, 0.1, 0.1, 0.5;
   e.discrepancy = Eigen::MatrixXd::Zero(2, 2);
-  const std::vector<Eigen::VectorXd> curves = {Eigen::Vector2d(0.8, 1.5), Eigen::Vector2d::Zero()};
+  const std::vector<LinearModel> curves = {curve(Eigen::Vector2d(0.8, 1.5)), curve(Eigen::Vector2d::Zero())};
   const double expected = -1.3122304194937564;  // shares of 3/4 and 1/4, scipy.stats.multivariate_normal
   EXPECT_NEAR(computeLogDensity(Eigen::Vector2d(1.0, 2.0), curves, {std::log(3.0), 0.0}, e), expected, 1e-12);
   EXPECT_NEAR(computeLogDensity(Eigen::Vector2d(1.0, 2.0), curves, {0.0, -std::log(3.0)}, e), expected, 1e-12);
 }
 
 TEST(LogDensity, WhatComesAQuarterOfASecondEarlyIsNotWrongWhereDelaysAreOpen) {
-  const auto step = [](double at) -> Eigen::VectorXd {
-    return 1000.0 * (Eigen::ArrayXd::LinSpaced(40, 0.125, 9.875) > at).cast<double>();
+  const auto step = [](double at) {
+    return curve(1000.0 * (Eigen::ArrayXd::LinSpaced(40, 0.125, 9.875) > at).cast<double>());
   };
   ErrorModel e;
   e.noise = 2500.0 * Eigen::MatrixXd::Identity(40, 40);
   e.discrepancy = Eigen::MatrixXd::Zero(40, 40);
-  const double right = computeLogDensity(step(5.0), {step(5.0)}, {0.0}, e);
+  const double right = computeLogDensity(step(5.0).offset, {step(5.0)}, {0.0}, e);
   // One bin that is 20 deviations off.
-  EXPECT_NEAR(computeLogDensity(step(5.0), {step(4.75)}, {0.0}, e), right - 200.0, 1e-9);
-  EXPECT_NEAR(computeLogDensity(step(5.0), {step(4.75), step(5.0), step(5.25)}, {0.0, 0.0, 0.0}, e),
+  EXPECT_NEAR(computeLogDensity(step(5.0).offset, {step(4.75)}, {0.0}, e), right - 200.0, 1e-9);
+  EXPECT_NEAR(computeLogDensity(step(5.0).offset, {step(4.75), step(5.0), step(5.25)}, {0.0, 0.0, 0.0}, e),
               right - std::log(3.0), 1e-9);
 }
 

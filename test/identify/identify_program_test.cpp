@@ -125,6 +125,50 @@ TEST_F(IdentifyProgram, ZeroErrorOfTheLoadCellIsNamedAndTheErrorFalls) {
       }()));
 }
 
+/// The ranking's entry of one effect alone.
+nlohmann::json entryOf(const nlohmann::json& report, const std::string& effect) {
+  for (const auto& entry : report["ranking"]) {
+    if (entry["name"] == effect) return entry;
+  }
+  return nullptr;
+}
+
+TEST_F(IdentifyProgram, SwellThatHasAnotherPhaseInTheHeldOutRecordIsConfirmedByIt) {
+  const auto same = [](double force, double) { return force; };
+  const std::string swell =
+      "run small.yaml --set effects.vessel_heave.enabled=true --set effects.vessel_heave.amplitude_1_m=0.06 "
+      "--set effects.vessel_heave.period_1_s=4 --set effects.vessel_heave.phase_1_deg=";
+  ASSERT_EQ(program(swell + "0 --out swell_run").exit_code, 0);
+  ASSERT_EQ(program(swell + "150 --out other_phase_run").exit_code, 0);
+  record("swell", 6, same, "swell_run");
+  record("other_phase", 7, same, "other_phase_run");
+  const Outcome outcome =
+      program("identify swell.csv --holdout other_phase.csv --out swell_out --cache cache --no-report");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
+  const auto json = report("swell_out"), heave = entryOf(json, "vessel_heave");
+  ASSERT_TRUE(heave.is_object()) << outcome.text;
+  EXPECT_GT(heave["log_bayes_factor"], 6.0) << outcome.text;
+  EXPECT_GT(heave["holdout_log_ratio"], 3.0) << outcome.text;
+  EXPECT_LT(heave["holdout_ratio"], 0.8) << outcome.text;
+}
+
+TEST_F(IdentifyProgram, AFallThatDoesNotComeBackCostsNoMoreThanATossOfACoin) {
+  const auto same = [](double force, double) { return force; };
+  ASSERT_EQ(program("run small.yaml --set effects.block_drop.enabled=true --set effects.block_drop.mass_1_kg=15 "
+                    "--set effects.block_drop.time_1_s=9 --out fall_run")
+                .exit_code,
+            0);
+  record("fall", 8, same, "fall_run");
+  record("no_fall", 9, same);
+  const Outcome outcome = program("identify fall.csv --holdout no_fall.csv --out fall_out --cache cache --no-report");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
+  const auto fall = entryOf(report("fall_out"), "block_drop");
+  ASSERT_TRUE(fall.is_object()) << outcome.text;
+  EXPECT_GT(fall["log_bayes_factor"], 6.0) << outcome.text;
+  // ln(1/2), and what the refitted ice differs by.
+  EXPECT_GT(fall["holdout_log_ratio"], -1.0) << outcome.text;
+}
+
 TEST_F(IdentifyProgram, LateralChannelsShowThatThePoleMovesSidewaysAndWhereTo) {
   ASSERT_EQ(program("run small.yaml --set effects.pole_tilt.enabled=true --set effects.pole_tilt.drift_mps=0.02 "
                     "--set effects.pole_tilt.direction_deg=40 --set effects.pole_tilt.lean_ratio=0 --out tilted_run")

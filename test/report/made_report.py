@@ -106,7 +106,7 @@ def made_report(verdict="effect", effects=None, source="synthetic", holdout=True
                         "how_to_tell": "Known weights on the hook, or a lift without ice."}],
         "next_experiment": [{"text": "Hold the collector for 60 s after the lift: water drains smoothly and then "
                                      "stops, blocks fall in steps.", "separates": ["drainage", "block_drop"]}],
-        "kappa": 1.2, "thresholds": {"log_bayes_factor": 6.0, "holdout_log_ratio": 0.0, "null_records": 60,
+        "kappa": 1.2, "thresholds": {"log_bayes_factor": 6.0, "holdout_log_ratio": -1.0, "null_records": 60,
                                      "file": "config/identify/thresholds.yaml"},
         "noise": {"white_n": 71.0, "slow_n": 46.0}, "discrepancy": {"amplitude_n": 210.0, "length_m": 0.21},
         "runs": {"needed": 75, "made": 31, "wall_s": 412.0}, "series": fit,

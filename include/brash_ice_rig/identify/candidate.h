@@ -21,6 +21,9 @@ struct Amplitude {
   bool positive = false;
   /// That can be simulated. Below zero although its parameter is a size: the other way, or the other phase.
   double least = -std::numeric_limits<double>::infinity(), most = std::numeric_limits<double>::infinity();
+  /// Of a swing, with the other amplitudes of this number: in another lift it has another phase. 0: of none.
+  int swing = 0;
+  bool once = false;  ///< of an event that another lift need not have
 };
 
 /// A parameter as it is told in the end, with its 95 % interval.

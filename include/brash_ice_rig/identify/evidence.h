@@ -66,12 +66,12 @@ double computeQuantile(const std::vector<UnknownDensity>& densities, double shar
 /// ln of the evidence of a model at a given kappa.
 double computeLogEvidence(const Eigen::VectorXd& y, const LinearModel& model, const FactoredErrors& errors);
 
-/// ln of the probability density of data whose mean is one of these curves, with kappa at its most probable value
+/// ln of the probability density of data of which one of these models is true, with kappa at its most probable value
 /// within [1/4, 4].
-/// @param curves      at least one, as long as y
-/// @param log_weight  ln of how probable each curve is against the others
+/// @param models      at least one, as long as y
+/// @param log_weight  ln of how probable each is against the others
 /// @throws std::runtime_error if the covariance is not positive definite
-double computeLogDensity(const Eigen::VectorXd& y, const std::vector<Eigen::VectorXd>& curves,
+double computeLogDensity(const Eigen::VectorXd& y, const std::vector<LinearModel>& models,
                          const std::vector<double>& log_weight, const ErrorModel& errors);
 
 /// What a change of the data does after everything else has been refitted: norms and products in the metric that

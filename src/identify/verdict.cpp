@@ -27,16 +27,31 @@ std::string joined(const std::vector<std::string>& names, const char* last) {
   return text;
 }
 
+/// Whether a record shows this effect, whatever else may speak against it.
+bool stands(const Explanation& e, const Thresholds& thresholds) {
+  return e.confirmed && e.log_bayes_factor > e.threshold && e.detectability >= thresholds.detectability;
+}
+
+/// Whether two effects do much the same to the force: on this record, or as is known of them.
+bool areOfOneClass(const std::string& a, const std::string& b, const std::vector<ConfusableSet>& confusable) {
+  const auto declares = [](const std::string& one, const std::string& other) {
+    const EffectDescription* effect = findEffect(one);
+    return effect != nullptr && std::count(effect->confusable_with.begin(), effect->confusable_with.end(), other) > 0;
+  };
+  return declares(a, b) || declares(b, a) ||
+         std::any_of(confusable.begin(), confusable.end(), [&](const ConfusableSet& set) {
+           return std::count(set.effects.begin(), set.effects.end(), a) > 0 &&
+                  std::count(set.effects.begin(), set.effects.end(), b) > 0;
+         });
+}
+
 /// Whether the evidence for this effect is not clearly less than that for the other one.
 bool hasAsMuchEvidence(const Explanation& e, const Explanation& other, const std::vector<ConfusableSet>& confusable,
                        const Thresholds& thresholds) {
   const double behind = other.log_bayes_factor - e.log_bayes_factor;
   if (behind < std::max(thresholds.rival_nats, thresholds.rival_share * other.log_bayes_factor)) return true;
-  const bool same_class = std::any_of(confusable.begin(), confusable.end(), [&](const ConfusableSet& set) {
-    return std::count(set.effects.begin(), set.effects.end(), e.effects[0]) > 0 &&
-           std::count(set.effects.begin(), set.effects.end(), other.effects[0]) > 0;
-  });
-  return same_class && e.log_bayes_factor > 0.5 * other.log_bayes_factor;
+  return stands(e, thresholds) && e.log_bayes_factor > 0.5 * other.log_bayes_factor &&
+         areOfOneClass(e.effects[0], other.effects[0], confusable);
 }
 
 }  // namespace
@@ -84,12 +99,10 @@ void decide(Identification& result, const RecordReport& report, const Thresholds
     }
     return true;
   };
-  const auto stands = [&](const Explanation& e) {
-    return e.confirmed && e.log_bayes_factor > e.threshold && e.detectability >= thresholds.detectability;
-  };
   const auto holds = [&](const Explanation& e) {
     if (e.effects.size() > 1 && !earnsItsPlace(e)) return false;
-    return stands(e) && !heldOutSpeaksAgainst(e) && (!excess || e.explained_ratio >= thresholds.explained_ratio);
+    return stands(e, thresholds) && !heldOutSpeaksAgainst(e) &&
+           (!excess || e.explained_ratio >= thresholds.explained_ratio);
   };
   // Without references, evidence also measures how well an effect looks like what the simulator is off for every lift.
   const bool untaught = !result.discrepancy.fromReferences();
@@ -117,7 +130,8 @@ void decide(Identification& result, const RecordReport& report, const Thresholds
     }
   } else {
     // Where an effect would explain this record but not the held-out one, something is missing all the same.
-    const bool missing = result.significant || std::any_of(result.ranking.begin(), result.ranking.end(), stands);
+    const bool missing = result.significant || std::any_of(result.ranking.begin(), result.ranking.end(),
+                                                           [&](const Explanation& e) { return stands(e, thresholds); });
     result.verdict = missing ? Verdict::kUnknown : partial ? Verdict::kCannotTell : Verdict::kNone;
   }
 }

@@ -91,11 +91,9 @@ void Chain::startAgain(Model& baseline, const std::vector<Model>& models) {
   if (best == nullptr) return;
   Model again = baseline;
   again.fit.x = best->fit.x.head(unknowns());
-  for (int pass = 0; pass < kPasses; ++pass) {
-    confirm({&again}, "baseline from the ice of the best explanation");
-    if (again.frozen || again.fit.log_evidence <= baseline.fit.log_evidence) return;
-    baseline = again;
-  }
+  // All passes before it may count: after the first one it is simulated at the ice of another model.
+  for (int pass = 0; pass < kPasses; ++pass) confirm({&again}, "baseline from the ice of the best explanation");
+  if (!again.frozen && again.fit.log_evidence > baseline.fit.log_evidence) baseline = again;
 }
 
 /// Each effect in its best shape, the likeliest first. Those that will be confirmed are taken on all pairs before.

@@ -45,12 +45,17 @@ bool areOfOneClass(const std::string& a, const std::string& b, const std::vector
          });
 }
 
+/// ln of the Bayes factor that the fitted and the held-out record give together.
+double evidenceOfBoth(const Explanation& e) {
+  return e.log_bayes_factor + (std::isfinite(e.holdout_log_ratio) ? e.holdout_log_ratio : 0.0);
+}
+
 /// Whether the evidence for this effect is not clearly less than that for the other one.
 bool hasAsMuchEvidence(const Explanation& e, const Explanation& other, const std::vector<ConfusableSet>& confusable,
                        const Thresholds& thresholds) {
   const double behind = other.log_bayes_factor - e.log_bayes_factor;
   if (behind < std::max(thresholds.rival_nats, thresholds.rival_share * other.log_bayes_factor)) return true;
-  return stands(e, thresholds) && e.log_bayes_factor > 0.5 * other.log_bayes_factor &&
+  return stands(e, thresholds) && evidenceOfBoth(e) > 0.5 * evidenceOfBoth(other) &&
          areOfOneClass(e.effects[0], other.effects[0], confusable);
 }
 

@@ -144,6 +144,11 @@ TEST(Verdict, ARivalOfTheSameClassNeedsHalfOfTheEvidence) {
             (Names{"porosity_gradient", "thickness_field"}));
   EXPECT_EQ(decided(ranked({found({"thickness_field"}, 60.0), found({"porosity_gradient"}, 42.0)})).effects,
             (Names{"thickness_field", "porosity_gradient"}));
+  // The held-out record counts as well: 42 + 20 against 60 + 50 and 60 + 70.
+  rival = found({"thickness_field"}, 42.0, 800.0);
+  EXPECT_EQ(decided(ranked({found({"porosity_gradient"}, 60.0, 500.0), rival})).verdict, Verdict::kTie);
+  EXPECT_EQ(decided(ranked({found({"porosity_gradient"}, 60.0, 300.0), rival})).verdict, Verdict::kEffect);
+  rival = found({"thickness_field"}, 42.0);
   rival.detectability = 4.9;  // the record does not show it
   EXPECT_EQ(decided(ranked({found({"porosity_gradient"}, 60.0), rival})).verdict, Verdict::kEffect);
 }

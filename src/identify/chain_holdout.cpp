@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <map>
 #include <optional>
 #include <utility>
 
@@ -56,6 +55,79 @@ struct Parts {
   std::vector<double> shares;  ///< of the swings: the standard deviation of each with a phase that is not known
 };
 
+/// Where a model has to be simulated to tell those parts: its unknowns without events and swings, with events, with one
+/// swing at a time.
+struct AnotherLift {
+  Eigen::VectorXd always, with_events;
+  std::vector<Eigen::VectorXd> swings;
+  std::vector<double> shares;
+  bool has_events = false;
+
+  /// @param first_amplitude  among the model's unknowns
+  AnotherLift(const Model& model, Eigen::Index first_amplitude) : always(model.x), with_events(model.x) {
+    std::vector<std::pair<Eigen::Index, double>> sizes;
+    Eigen::Index first = first_amplitude;
+    for (const Variant* v : model.variants) {
+      const std::vector<Amplitude>& all = v->amplitudes;
+      for (std::size_t k = 0; k < all.size(); ++k) {
+        const Eigen::Index column = first + static_cast<Eigen::Index>(k);
+        has_events = has_events || all[k].once;
+        if (all[k].once || all[k].swing != 0) always[column] = 0.0;
+        if (all[k].swing == 0) continue;
+        with_events[column] = 0.0;
+        double square = 0.0;
+        int count = 0;
+        for (std::size_t other = 0; other < all.size(); ++other) {
+          if (all[other].swing != all[k].swing) continue;
+          square += std::pow(model.x[first + static_cast<Eigen::Index>(other)], 2);
+          ++count;
+        }
+        if (square == 0.0) continue;
+        sizes.emplace_back(column, std::sqrt(square));
+        shares.push_back(1.0 / std::sqrt(count));
+      }
+      first += static_cast<Eigen::Index>(all.size());
+    }
+    for (const auto& [column, size] : sizes) {
+      swings.push_back(always);
+      swings.back()[column] = size;
+    }
+  }
+};
+
+/// Every way in which a record may come about: with each delay, with and without events; the swings' sizes and phases
+/// are unknowns. One delay would not do: where a curve rises a quarter of a second early there is only noise to allow
+/// for it.
+/// @param log_weight  out: of each way against the others
+std::vector<LinearModel> waysOf(const Channels& channels, const Parts& parts, bool sideways,
+                                std::vector<double>& log_weight) {
+  constexpr double kSigmaS = 0.5, kMostS = 1.5;
+  constexpr int kSteps = 30;
+  std::vector<LinearModel> ways;
+  const auto count = static_cast<Eigen::Index>(parts.swings.size());
+  for (int step = -kSteps; step <= kSteps; ++step) {
+    const double delay_s = kMostS * step / kSteps;
+    LinearModel way;
+    way.offset = channels.mean(parts.always, delay_s, sideways);
+    way.columns.resize(way.offset.size(), count);
+    way.prior_mean = Eigen::VectorXd::Zero(count);
+    way.prior_sigma.resize(count);
+    way.positive.assign(parts.swings.size(), false);
+    for (Eigen::Index k = 0; k < count; ++k) {
+      const auto swing = static_cast<std::size_t>(k);
+      way.columns.col(k) = channels.mean(parts.swings[swing], delay_s, sideways) - way.offset;
+      way.prior_sigma[k] = parts.shares[swing];
+    }
+    ways.push_back(way);
+    log_weight.push_back(-0.5 * delay_s * delay_s / (kSigmaS * kSigmaS));
+    if (parts.with_events.empty()) continue;
+    ways.push_back(way);
+    ways.back().offset = channels.mean(parts.with_events, delay_s, sideways);
+    log_weight.push_back(log_weight.back());
+  }
+  return ways;
+}
+
 }  // namespace
 
 /// A model without those of its effects that are zero at x, and what is left of x.
@@ -101,40 +173,12 @@ void Chain::evaluateHoldout(const Model& baseline, const std::vector<Model>& mod
     return forces;
   };
   const auto partsOf = [&](const Model& model, bool request_only) {
+    const AnotherLift other(model, unknowns());
     Parts parts;
-    Eigen::VectorXd always = model.x, events = model.x;
-    std::vector<std::pair<Eigen::Index, double>> swings;
-    bool has_events = false;
-    Eigen::Index column = unknowns();
-    for (const Variant* v : model.variants) {
-      std::map<int, std::pair<double, int>> square_and_count;
-      for (std::size_t k = 0; k < v->amplitudes.size(); ++k) {
-        if (v->amplitudes[k].swing == 0) continue;
-        auto& [square, count] = square_and_count[v->amplitudes[k].swing];
-        square += std::pow(model.x[column + static_cast<Eigen::Index>(k)], 2);
-        ++count;
-      }
-      for (const Amplitude& a : v->amplitudes) {
-        if (a.once) always[column] = 0.0;
-        has_events = has_events || a.once;
-        if (a.swing != 0) {
-          const auto& [square, count] = square_and_count.at(a.swing);
-          if (square > 0.0) {
-            swings.emplace_back(column, std::sqrt(square));
-            parts.shares.push_back(1.0 / std::sqrt(count));
-          }
-          always[column] = events[column] = 0.0;
-        }
-        ++column;
-      }
-    }
-    parts.always = forcesAt(model, always, request_only);
-    if (has_events) parts.with_events = forcesAt(model, events, request_only);
-    for (const auto& [at, size] : swings) {
-      Eigen::VectorXd x = always;
-      x[at] = size;
-      parts.swings.push_back(forcesAt(model, x, request_only));
-    }
+    parts.shares = other.shares;
+    parts.always = forcesAt(model, other.always, request_only);
+    if (other.has_events) parts.with_events = forcesAt(model, other.with_events, request_only);
+    for (const Eigen::VectorXd& x : other.swings) parts.swings.push_back(forcesAt(model, x, request_only));
     return parts;
   };
   std::vector<const Model*> all{&given, &baseline};
@@ -203,32 +247,8 @@ void Chain::evaluateHoldout(const Model& baseline, const std::vector<Model>& mod
                 allowed.noise);
       }
     }
-    // One delay would not do: where a curve rises a quarter of a second early there is only noise to allow for it.
-    constexpr double kSigmaS = 0.5, kMostS = 1.5;
-    constexpr int kSteps = 30;
-    std::vector<LinearModel> ways;
     std::vector<double> log_weight;
-    const auto count = static_cast<Eigen::Index>(parts.swings.size());
-    for (int step = -kSteps; step <= kSteps; ++step) {
-      const double delay_s = kMostS * step / kSteps;
-      LinearModel way;
-      way.offset = channels.mean(parts.always, delay_s, sideways);
-      way.columns.resize(rows, count);
-      way.prior_mean = Eigen::VectorXd::Zero(count);
-      way.prior_sigma.resize(count);
-      way.positive.assign(parts.swings.size(), false);
-      for (Eigen::Index k = 0; k < count; ++k) {
-        const auto swing = static_cast<std::size_t>(k);
-        way.columns.col(k) = channels.mean(parts.swings[swing], delay_s, sideways) - way.offset;
-        way.prior_sigma[k] = parts.shares[swing];
-      }
-      ways.push_back(way);
-      log_weight.push_back(-0.5 * delay_s * delay_s / (kSigmaS * kSigmaS));
-      if (parts.with_events.empty()) continue;
-      ways.push_back(way);
-      ways.back().offset = channels.mean(parts.with_events, delay_s, sideways);
-      log_weight.push_back(log_weight.back());
-    }
+    const std::vector<LinearModel> ways = waysOf(channels, parts, sideways, log_weight);
     Prediction p;
     p.log_density = computeLogDensity(data, ways, log_weight, allowed);
     const FactoredErrors factored(allowed, 1.0);

@@ -15,11 +15,6 @@ using Forces = std::vector<SimulatedForce>;
 struct Channels {
   std::vector<Site> sites;  ///< the record first
 
-  Eigen::Index rows() const {
-    Eigen::Index sum = 0;
-    for (const Site& site : sites) sum += site.rows();
-    return sum;
-  }
   Eigen::VectorXd data() const {
     std::vector<Eigen::VectorXd> parts;
     for (const Site& site : sites) parts.push_back(site.observation().force_n);
@@ -95,6 +90,25 @@ struct AnotherLift {
   }
 };
 
+/// A model without those of its effects that are zero at x, and what is left of x.
+/// @param first_amplitude  among the unknowns
+std::pair<std::vector<const Variant*>, Eigen::VectorXd> withoutZeros(const Model& model, const Eigen::VectorXd& x,
+                                                                     Eigen::Index first_amplitude) {
+  std::vector<const Variant*> variants;
+  Eigen::VectorXd left = x.head(first_amplitude);
+  Eigen::Index column = first_amplitude;
+  for (const Variant* v : model.variants) {
+    const auto count = static_cast<Eigen::Index>(v->amplitudes.size());
+    const Eigen::VectorXd own = x.segment(column, count);
+    column += count;
+    if (own.isZero(0.0)) continue;
+    variants.push_back(v);
+    left.conservativeResize(left.size() + count);
+    left.tail(count) = own;
+  }
+  return {variants, left};
+}
+
 /// Every way in which a record may come about: with each delay, with and without events; the swings' sizes and phases
 /// are unknowns. One delay would not do: where a curve rises a quarter of a second early there is only noise to allow
 /// for it.
@@ -130,24 +144,6 @@ std::vector<LinearModel> waysOf(const Channels& channels, const Parts& parts, bo
 
 }  // namespace
 
-/// A model without those of its effects that are zero at x, and what is left of x.
-std::pair<std::vector<const Variant*>, Eigen::VectorXd> Chain::withoutZeros(const Model& model,
-                                                                            const Eigen::VectorXd& x) const {
-  std::vector<const Variant*> variants;
-  Eigen::VectorXd left = x.head(unknowns());
-  Eigen::Index column = unknowns();
-  for (const Variant* v : model.variants) {
-    const auto count = static_cast<Eigen::Index>(v->amplitudes.size());
-    const Eigen::VectorXd own = x.segment(column, count);
-    column += count;
-    if (own.isZero(0.0)) continue;
-    variants.push_back(v);
-    left.conservativeResize(left.size() + count);
-    left.tail(count) = own;
-  }
-  return {variants, left};
-}
-
 /// Predicts a record that was not fitted. When the rim meets the ice is a matter of the spot, and the phase of a swing
 /// and whether blocks fall a matter of the moment: these are open, for every model alike.
 void Chain::evaluateHoldout(const Model& baseline, const std::vector<Model>& models, Identification& result) {
@@ -162,7 +158,7 @@ void Chain::evaluateHoldout(const Model& baseline, const std::vector<Model>& mod
   given.x = Eigen::VectorXd::Zero(unknowns());
   given.simulated = true;
   const auto forcesAt = [&](const Model& model, const Eigen::VectorXd& at, bool request_only) {
-    const auto [variants, x] = withoutZeros(model, at);
+    const auto [variants, x] = withoutZeros(model, at, unknowns());
     Forces forces;
     for (int seed = 1; seed <= kPairs; ++seed) {
       const Scenario s = scenarioAt(site, x, variants, seed);
@@ -189,15 +185,15 @@ void Chain::evaluateHoldout(const Model& baseline, const std::vector<Model>& mod
   for (const Model* model : all) partsOf(*model, true);
   runs_.makeMissing("held-out record");
 
-  const Forces given_forces = forcesAt(given, given.x, false), baseline_forces = forcesAt(baseline, baseline.x, false);
-  if (given_forces.empty() || baseline_forces.empty()) return;
-  const Eigen::VectorXd without_n = channels.mean(baseline_forces, 0.0, false);
-  site.mean_n = channels.mean(given_forces, 0.0, false).head(site.rows());
+  const Parts given_parts = partsOf(given, false), baseline_parts = partsOf(baseline, false);
+  if (given_parts.always.empty() || baseline_parts.always.empty()) return;
+  const Eigen::VectorXd without_n = channels.mean(baseline_parts.always, 0.0, false);
+  site.mean_n = channels.mean(given_parts.always, 0.0, false).head(site.rows());
   site.chaos_n = site.known_share = Eigen::VectorXd::Zero(site.rows());
   if (o.ice_contact) site.known_share = computeKnownShare(discrepancy_, o.time_s, o.way_m);
-  const Eigen::Index rows = channels.rows();
+  const Eigen::VectorXd data = channels.data();
   ErrorModel errors;
-  errors.noise = errors.discrepancy = Eigen::MatrixXd::Zero(rows, rows);
+  errors.noise = errors.discrepancy = Eigen::MatrixXd::Zero(data.size(), data.size());
   Eigen::Index row = 0;
   for (std::size_t i = 0; i < channels.sites.size(); ++i) {
     Site& channel = channels.sites[i];
@@ -215,7 +211,6 @@ void Chain::evaluateHoldout(const Model& baseline, const std::vector<Model>& mod
     row += channel.rows();
   }
   const Eigen::MatrixXd covariance = (errors.noise + errors.discrepancy).topLeftCorner(site.rows(), site.rows());
-  const Eigen::VectorXd data = channels.data();
   // What an effect's law may be off, for a change of the force of this size.
   const auto addForm = [&](const Eigen::VectorXd& change, double weight, Eigen::MatrixXd& noise) {
     Eigen::Index from = 0;
@@ -230,8 +225,7 @@ void Chain::evaluateHoldout(const Model& baseline, const std::vector<Model>& mod
     double log_density = 0.0;
     Eigen::VectorXd mean_n;  ///< the most probable one, of all channels
   };
-  const auto predict = [&](const Model& model) -> std::optional<Prediction> {
-    const Parts parts = partsOf(model, false);
+  const auto predict = [&](const Model& model, const Parts& parts) -> std::optional<Prediction> {
     const bool sideways = actsSideways(model);
     const auto isEmpty = [](const Forces& f) { return f.empty(); };
     if (parts.always.empty() || std::any_of(parts.swings.begin(), parts.swings.end(), isEmpty)) return std::nullopt;
@@ -266,11 +260,11 @@ void Chain::evaluateHoldout(const Model& baseline, const std::vector<Model>& mod
   };
   const auto errorOf = [&](const Prediction& p) { return computeError(o, p.mean_n.head(site.rows()), covariance); };
 
-  const Prediction as_given = *predict(given), without = *predict(baseline);
+  const Prediction as_given = *predict(given, given_parts), without = *predict(baseline, baseline_parts);
   predicted_.resize(models.size());
   for (std::size_t k = 0; k < models.size(); ++k) {
     if (std::find(all.begin(), all.end(), &models[k]) == all.end()) continue;
-    const std::optional<Prediction> with = predict(models[k]);
+    const std::optional<Prediction> with = predict(models[k], partsOf(models[k], false));
     if (!with) continue;
     predicted_[k] = {with->mean_n.head(site.rows()), errorOf(*with)};
     Explanation& e = result.ranking[k];

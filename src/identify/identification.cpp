@@ -58,11 +58,11 @@ Identification Chain::run() {
     if (to_confirm.size() == 1) break;
     confirm(to_confirm, "full simulations of the best explanations");
   }
-  startAgain(baseline, models);
   // A simulation counts for more than a straight line.
   std::stable_sort(models.begin(), models.end(), [](const Model& a, const Model& b) {
     return a.simulated != b.simulated ? a.simulated : score(a) > score(b);
   });
+  startAgain(baseline, models);
   addSecondEffect(models, baseline);
 
   const Detectability detectability(linearModel(baseline), errors_, baseline.fit.kappa);
@@ -81,16 +81,12 @@ Identification Chain::run() {
   return result;
 }
 
-/// Lets the baseline start once more from the ice of the best explanation: what that owes to a better fit of the ice
-/// must not count for its effect.
+/// Lets the baseline start once more from the ice of the first explanation, the best: what that owes to a better fit of
+/// the ice must not count for its effect.
 void Chain::startAgain(Model& baseline, const std::vector<Model>& models) {
-  const Model* best = nullptr;
-  for (const Model& m : models) {
-    if (m.simulated && !isHopeless(m, baseline) && (best == nullptr || score(m) > score(*best))) best = &m;
-  }
-  if (best == nullptr) return;
+  if (models.empty() || !models.front().simulated || isHopeless(models.front(), baseline)) return;
   Model again = baseline;
-  again.fit.x = best->fit.x.head(unknowns());
+  again.fit.x = models.front().fit.x.head(unknowns());
   // All passes before it may count: after the first one it is simulated at the ice of another model.
   for (int pass = 0; pass < kPasses; ++pass) confirm({&again}, "baseline from the ice of the best explanation");
   if (!again.frozen && again.fit.log_evidence > baseline.fit.log_evidence) baseline = again;

@@ -32,6 +32,10 @@ bool stands(const Explanation& e, const Thresholds& thresholds) {
   return e.confirmed && e.log_bayes_factor > e.threshold && e.detectability >= thresholds.detectability;
 }
 
+bool heldOutSpeaksAgainst(const Explanation& e, const Thresholds& thresholds) {
+  return e.holdout_log_ratio <= thresholds.holdout_log_ratio;  // never without a held-out record
+}
+
 /// Whether two effects do much the same to the force: on this record, or as is known of them.
 bool areOfOneClass(const std::string& a, const std::string& b, const std::vector<ConfusableSet>& confusable) {
   const auto declares = [](const std::string& one, const std::string& other) {
@@ -92,9 +96,6 @@ void decide(Identification& result, const RecordReport& report, const Thresholds
     partial = partial || finding.code == "too_short" || finding.code == "no_contact";
   }
 
-  const auto heldOutSpeaksAgainst = [&](const Explanation& e) {
-    return e.holdout_log_ratio <= thresholds.holdout_log_ratio;
-  };
   // A second effect must not make the held-out record less probable than either alone.
   const auto earnsItsPlace = [&](const Explanation& pair) {
     for (const Explanation& e : result.ranking) {
@@ -106,7 +107,7 @@ void decide(Identification& result, const RecordReport& report, const Thresholds
   };
   const auto holds = [&](const Explanation& e) {
     if (e.effects.size() > 1 && !earnsItsPlace(e)) return false;
-    return stands(e, thresholds) && !heldOutSpeaksAgainst(e) &&
+    return stands(e, thresholds) && !heldOutSpeaksAgainst(e, thresholds) &&
            (!excess || e.explained_ratio >= thresholds.explained_ratio);
   };
   // Without references, evidence also measures how well an effect looks like what the simulator is off for every lift.
@@ -121,7 +122,7 @@ void decide(Identification& result, const RecordReport& report, const Thresholds
     if (best->effects.size() == 1) {
       for (const Explanation& e : result.ranking) {
         if (e.effects == best->effects || e.effects.size() != 1 || e.log_bayes_factor <= 0.0) continue;
-        if (heldOutSpeaksAgainst(e)) continue;
+        if (heldOutSpeaksAgainst(e, thresholds)) continue;
         if ((untaught && holds(e)) || hasAsMuchEvidence(e, *best, result.confusable, thresholds)) {
           contenders.push_back(&e);
         }
@@ -204,7 +205,7 @@ void describe(Identification& result, const Thresholds& thresholds) {
     for (const Explanation& other : result.ranking) {
       if (!other.confirmed || other.log_bayes_factor <= other.threshold) continue;
       if (other.effects == e.effects || !hasAsMuchEvidence(other, e, result.confusable, thresholds)) continue;
-      if (!(other.holdout_log_ratio <= thresholds.holdout_log_ratio)) continue;
+      if (!heldOutSpeaksAgainst(other, thresholds)) continue;
       text.push_back(joined(other.effects, "and") + " would explain this record as well (ln of the Bayes factor " +
                      shortNumber(other.log_bayes_factor) +
                      "), but the held-out one is less probable with it than without (ln of the odds " +

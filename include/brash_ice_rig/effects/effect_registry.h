@@ -65,7 +65,8 @@ struct EffectDescription {
   const char* name = "";       ///< as in effects.NAME, lower case
   const char* mechanism = "";  ///< one line, for scenario files and reports
   std::vector<EffectParameter> parameters;
-  /// Effects that look the same in one record of a plain lift, and what tells them apart.
+  /// Effects that look the same in one record of a plain lift, and what tells them apart. With half of the evidence
+  /// they are rivals.
   std::vector<const char*> confusable_with;
   const char* how_to_tell = "";
   /// The true forces stay what they were: the reading follows from them without another run.

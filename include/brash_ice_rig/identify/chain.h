@@ -166,8 +166,6 @@ class Chain {
   std::vector<Model> bestShapes(const std::map<const Variant*, Model>& screened, const Model& baseline) const;
   void startAgain(Model& baseline, const std::vector<Model>& models);
   void addSecondEffect(std::vector<Model>& models, const Model& baseline);
-  std::pair<std::vector<const Variant*>, Eigen::VectorXd> withoutZeros(const Model& model,
-                                                                       const Eigen::VectorXd& x) const;
   void evaluateHoldout(const Model& baseline, const std::vector<Model>& models, Identification& result);
   void addCurves(const Model& baseline, const Model* best, Identification& result) const;
   void addDetectable(Identification& result, const Detectability& detectability) const;

@@ -6,8 +6,8 @@
 
 namespace brash_ice_rig {
 
-/// What is asked of the evidence before an effect is named. Set on no-effect lifts of another program's making and of
-/// our own, none of which serves as a test; doc/identification.md tells how.
+/// What is asked of the evidence before an effect is named. Set on lifts of another program's making that are not
+/// tests, or no longer: doc/identification.md tells which.
 struct Thresholds {
   double log_bayes_factor = 6.0;           ///< that an effect must exceed, at least
   double chi2_per_bin = 1.27;              ///< above it, the refitted baseline's residual is significant

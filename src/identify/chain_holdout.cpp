@@ -42,53 +42,57 @@ struct Channels {
   }
 };
 
-/// What a model says of another lift: what comes back as it was; what comes back with another phase; what may come
-/// back or not.
+/// What a model says of another lift: what comes back as it was; what may come back or not; what comes back with
+/// another phase. T: where the model has to be simulated to tell that, or the forces there.
+template <typename T>
 struct Parts {
-  Forces always, with_events;  ///< the latter empty where there are none
-  std::vector<Forces> swings;  ///< each with `always`
-  std::vector<double> shares;  ///< of the swings: the standard deviation of each with a phase that is not known
+  struct Swing {
+    T with;        ///< this one and what always comes back
+    double share;  ///< standard deviation of how much of it there is, as its phase is not known
+  };
+  T always;
+  std::optional<T> with_events;  ///< and what always comes back
+  std::vector<Swing> swings;
 };
 
-/// Where a model has to be simulated to tell those parts: its unknowns without events and swings, with events, with one
-/// swing at a time.
-struct AnotherLift {
-  Eigen::VectorXd always, with_events;
-  std::vector<Eigen::VectorXd> swings;
-  std::vector<double> shares;
+/// @param first_amplitude  among the model's unknowns
+Parts<Eigen::VectorXd> partsOfUnknowns(const Model& model, Eigen::Index first_amplitude) {
+  Eigen::VectorXd always = model.x, with_events = model.x;
+  struct Size {
+    Eigen::Index column;
+    double size, share;
+  };
+  std::vector<Size> sizes;
   bool has_events = false;
-
-  /// @param first_amplitude  among the model's unknowns
-  AnotherLift(const Model& model, Eigen::Index first_amplitude) : always(model.x), with_events(model.x) {
-    std::vector<std::pair<Eigen::Index, double>> sizes;
-    Eigen::Index first = first_amplitude;
-    for (const Variant* v : model.variants) {
-      const std::vector<Amplitude>& all = v->amplitudes;
-      for (std::size_t k = 0; k < all.size(); ++k) {
-        const Eigen::Index column = first + static_cast<Eigen::Index>(k);
-        has_events = has_events || all[k].once;
-        if (all[k].once || all[k].swing != 0) always[column] = 0.0;
-        if (all[k].swing == 0) continue;
-        with_events[column] = 0.0;
-        double square = 0.0;
-        int count = 0;
-        for (std::size_t other = 0; other < all.size(); ++other) {
-          if (all[other].swing != all[k].swing) continue;
-          square += std::pow(model.x[first + static_cast<Eigen::Index>(other)], 2);
-          ++count;
-        }
-        if (square == 0.0) continue;
-        sizes.emplace_back(column, std::sqrt(square));
-        shares.push_back(1.0 / std::sqrt(count));
+  Eigen::Index first = first_amplitude;
+  for (const Variant* v : model.variants) {
+    const std::vector<Amplitude>& all = v->amplitudes;
+    for (std::size_t k = 0; k < all.size(); ++k) {
+      const Eigen::Index column = first + static_cast<Eigen::Index>(k);
+      has_events = has_events || all[k].once;
+      if (all[k].once || all[k].swing != 0) always[column] = 0.0;
+      if (all[k].swing == 0) continue;
+      with_events[column] = 0.0;
+      double square = 0.0;
+      int count = 0;
+      for (std::size_t other = 0; other < all.size(); ++other) {
+        if (all[other].swing != all[k].swing) continue;
+        square += std::pow(model.x[first + static_cast<Eigen::Index>(other)], 2);
+        ++count;
       }
-      first += static_cast<Eigen::Index>(all.size());
+      if (square > 0.0) sizes.push_back({column, std::sqrt(square), 1.0 / std::sqrt(count)});
     }
-    for (const auto& [column, size] : sizes) {
-      swings.push_back(always);
-      swings.back()[column] = size;
-    }
+    first += static_cast<Eigen::Index>(all.size());
   }
-};
+  Parts<Eigen::VectorXd> parts;
+  parts.always = always;
+  if (has_events) parts.with_events = with_events;
+  for (const Size& s : sizes) {
+    parts.swings.push_back({always, s.share});
+    parts.swings.back().with[s.column] = s.size;
+  }
+  return parts;
+}
 
 /// A model without those of its effects that are zero at x, and what is left of x.
 /// @param first_amplitude  among the unknowns
@@ -113,7 +117,7 @@ std::pair<std::vector<const Variant*>, Eigen::VectorXd> withoutZeros(const Model
 /// are unknowns. One delay would not do: where a curve rises a quarter of a second early there is only noise to allow
 /// for it.
 /// @param log_weight  out: of each way against the others
-std::vector<LinearModel> waysOf(const Channels& channels, const Parts& parts, bool sideways,
+std::vector<LinearModel> waysOf(const Channels& channels, const Parts<Forces>& parts, bool sideways,
                                 std::vector<double>& log_weight) {
   constexpr double kSigmaS = 0.5, kMostS = 1.5;
   constexpr int kSteps = 30;
@@ -128,23 +132,104 @@ std::vector<LinearModel> waysOf(const Channels& channels, const Parts& parts, bo
     way.prior_sigma.resize(count);
     way.positive.assign(parts.swings.size(), false);
     for (Eigen::Index k = 0; k < count; ++k) {
-      const auto swing = static_cast<std::size_t>(k);
-      way.columns.col(k) = channels.mean(parts.swings[swing], delay_s, sideways) - way.offset;
-      way.prior_sigma[k] = parts.shares[swing];
+      const auto& swing = parts.swings[static_cast<std::size_t>(k)];
+      way.columns.col(k) = channels.mean(swing.with, delay_s, sideways) - way.offset;
+      way.prior_sigma[k] = swing.share;
     }
     ways.push_back(way);
     log_weight.push_back(-0.5 * delay_s * delay_s / (kSigmaS * kSigmaS));
-    if (parts.with_events.empty()) continue;
+    if (!parts.with_events) continue;
     ways.push_back(way);
-    ways.back().offset = channels.mean(parts.with_events, delay_s, sideways);
+    ways.back().offset = channels.mean(*parts.with_events, delay_s, sideways);
     log_weight.push_back(log_weight.back());
   }
   return ways;
 }
 
+/// Adds what an effect's law may be off, for a change of the force of this size.
+void addFormErrors(const Discrepancy& discrepancy, const Channels& channels, const Eigen::VectorXd& change,
+                   double weight, Eigen::MatrixXd& noise) {
+  Eigen::Index row = 0;
+  for (const Site& channel : channels.sites) {
+    noise.block(row, row, channel.rows(), channel.rows()) +=
+        weight * computeFormCovariance(discrepancy, channel.observation(), change.segment(row, channel.rows()));
+    row += channel.rows();
+  }
+}
+
+struct Prediction {
+  double log_density = 0.0;
+  Eigen::VectorXd mean_n;  ///< the most probable one, of all channels
+};
+
+/// How probable a record is that was not fitted.
+/// @param parts   what the model says of it
+/// @param errors  what is allowed without an effect
+/// @return        none where the model freezes
+std::optional<Prediction> predict(const Channels& channels, const Model& model, const Parts<Forces>& parts,
+                                  const Eigen::VectorXd& without_n, const Discrepancy& discrepancy, ErrorModel errors) {
+  const bool sideways = actsSideways(model);
+  const auto freezes = [](const Parts<Forces>::Swing& s) { return s.with.empty(); };
+  if (parts.always.empty() || std::any_of(parts.swings.begin(), parts.swings.end(), freezes)) return std::nullopt;
+  const bool changes_force = std::any_of(model.variants.begin(), model.variants.end(),
+                                         [](const Variant* v) { return !v->effect->reading_only; });
+  if (changes_force && channels.sites.front().observation().ice_contact) {
+    const Eigen::VectorXd always_n = channels.mean(parts.always, 0.0, sideways);
+    const Forces& largest = parts.with_events ? *parts.with_events : parts.always;
+    addFormErrors(discrepancy, channels, channels.mean(largest, 0.0, sideways) - without_n, 1.0, errors.noise);
+    for (const auto& swing : parts.swings) {
+      addFormErrors(discrepancy, channels, channels.mean(swing.with, 0.0, sideways) - always_n,
+                    swing.share * swing.share, errors.noise);
+    }
+  }
+  const Eigen::VectorXd data = channels.data();
+  std::vector<double> log_weight;
+  const std::vector<LinearModel> ways = waysOf(channels, parts, sideways, log_weight);
+  Prediction p;
+  p.log_density = computeLogDensity(data, ways, log_weight, errors);
+  const FactoredErrors factored(errors, 1.0);
+  double best = -std::numeric_limits<double>::infinity();
+  const LinearModel* best_way = nullptr;
+  for (std::size_t i = 0; i < ways.size(); ++i) {
+    const double density = computeLogEvidence(data, ways[i], factored) + log_weight[i];
+    if (density > best) {
+      best = density;
+      best_way = &ways[i];
+    }
+  }
+  p.mean_n = fitLinear(data, *best_way, errors).mean;
+  return p;
+}
+
 }  // namespace
 
-/// Predicts a record that was not fitted. When the rim meets the ice is a matter of the spot, and the phase of a swing
+/// What noise and simulator may be off in a record that was not fitted, of which its sites say how it is as given.
+/// @param without_n  all channels as the baseline predicts them
+ErrorModel Chain::heldOutErrors(std::vector<Site>& sites, const Eigen::VectorXd& without_n) const {
+  ErrorModel errors;
+  errors.noise = errors.discrepancy = Eigen::MatrixXd::Zero(without_n.size(), without_n.size());
+  const Site& vertical = sites.front();
+  Eigen::Index row = 0;
+  for (std::size_t i = 0; i < sites.size(); ++i) {
+    Site& channel = sites[i];
+    auto noise = errors.noise.block(row, row, channel.rows(), channel.rows());
+    noise = computeNoiseCovariance(channel.observation().noise, channel.observation().time_s);
+    if (i == 0 && vertical.observation().ice_contact) {
+      errors.discrepancy.topLeftCorner(vertical.rows(), vertical.rows()) =
+          discrepancyOf(vertical, without_n.head(vertical.rows()));
+    } else if (i > 0) {
+      // How arrangements of the blocks differ sideways is known from the first record.
+      const Eigen::VectorXd& known_n = sites_[records_ + i - 1].chaos_n;
+      channel.chaos_n = Eigen::VectorXd::Constant(
+          channel.rows(), std::sqrt(known_n.squaredNorm() / static_cast<double>(known_n.size())));
+      noise += lateralDiscrepancy(channel, vertical);
+    }
+    row += channel.rows();
+  }
+  return errors;
+}
+
+/// Predicts a record that was not fitted. When the rim meets the ice is a matter of the spot, and the phase of a swell
 /// and whether blocks fall a matter of the moment: these are open, for every model alike.
 void Chain::evaluateHoldout(const Model& baseline, const std::vector<Model>& models, Identification& result) {
   Channels channels;
@@ -156,7 +241,6 @@ void Chain::evaluateHoldout(const Model& baseline, const std::vector<Model>& mod
 
   Model given;
   given.x = Eigen::VectorXd::Zero(unknowns());
-  given.simulated = true;
   const auto forcesAt = [&](const Model& model, const Eigen::VectorXd& at, bool request_only) {
     const auto [variants, x] = withoutZeros(model, at, unknowns());
     Forces forces;
@@ -169,102 +253,43 @@ void Chain::evaluateHoldout(const Model& baseline, const std::vector<Model>& mod
     return forces;
   };
   const auto partsOf = [&](const Model& model, bool request_only) {
-    const AnotherLift other(model, unknowns());
-    Parts parts;
-    parts.shares = other.shares;
-    parts.always = forcesAt(model, other.always, request_only);
-    if (other.has_events) parts.with_events = forcesAt(model, other.with_events, request_only);
-    for (const Eigen::VectorXd& x : other.swings) parts.swings.push_back(forcesAt(model, x, request_only));
+    const Parts<Eigen::VectorXd> unknown = partsOfUnknowns(model, unknowns());
+    Parts<Forces> parts;
+    parts.always = forcesAt(model, unknown.always, request_only);
+    if (unknown.with_events) parts.with_events = forcesAt(model, *unknown.with_events, request_only);
+    if (parts.with_events && parts.with_events->empty()) parts.with_events.reset();
+    for (const auto& swing : unknown.swings) {
+      parts.swings.push_back({forcesAt(model, swing.with, request_only), swing.share});
+    }
     return parts;
   };
-  std::vector<const Model*> all{&given, &baseline};
   // What the evidence speaks against needs no prediction.
+  std::vector<std::size_t> worth;
   for (std::size_t k = 0; k < models.size(); ++k) {
-    if (models[k].simulated && result.ranking[k].log_bayes_factor > 0.0) all.push_back(&models[k]);
+    if (models[k].simulated && result.ranking[k].log_bayes_factor > 0.0) worth.push_back(k);
   }
-  for (const Model* model : all) partsOf(*model, true);
+  partsOf(given, true);
+  partsOf(baseline, true);
+  for (const std::size_t k : worth) partsOf(models[k], true);
   runs_.makeMissing("held-out record");
 
-  const Parts given_parts = partsOf(given, false), baseline_parts = partsOf(baseline, false);
+  const Parts<Forces> given_parts = partsOf(given, false), baseline_parts = partsOf(baseline, false);
   if (given_parts.always.empty() || baseline_parts.always.empty()) return;
-  const Eigen::VectorXd without_n = channels.mean(baseline_parts.always, 0.0, false);
   site.mean_n = channels.mean(given_parts.always, 0.0, false).head(site.rows());
   site.chaos_n = site.known_share = Eigen::VectorXd::Zero(site.rows());
   if (o.ice_contact) site.known_share = computeKnownShare(discrepancy_, o.time_s, o.way_m);
-  const Eigen::VectorXd data = channels.data();
-  ErrorModel errors;
-  errors.noise = errors.discrepancy = Eigen::MatrixXd::Zero(data.size(), data.size());
-  Eigen::Index row = 0;
-  for (std::size_t i = 0; i < channels.sites.size(); ++i) {
-    Site& channel = channels.sites[i];
-    auto noise = errors.noise.block(row, row, channel.rows(), channel.rows());
-    noise = computeNoiseCovariance(channel.observation().noise, channel.observation().time_s);
-    if (i == 0 && o.ice_contact) {
-      errors.discrepancy.topLeftCorner(site.rows(), site.rows()) = discrepancyOf(site, without_n.head(site.rows()));
-    } else if (i > 0) {
-      // How arrangements of the blocks differ sideways is known from the first record.
-      const Eigen::VectorXd& known_n = sites_[records_ + i - 1].chaos_n;
-      channel.chaos_n = Eigen::VectorXd::Constant(
-          channel.rows(), std::sqrt(known_n.squaredNorm() / static_cast<double>(known_n.size())));
-      noise += lateralDiscrepancy(channel, site);
-    }
-    row += channel.rows();
-  }
+  const Eigen::VectorXd data = channels.data(), without_n = channels.mean(baseline_parts.always, 0.0, false);
+  const ErrorModel errors = heldOutErrors(channels.sites, without_n);
   const Eigen::MatrixXd covariance = (errors.noise + errors.discrepancy).topLeftCorner(site.rows(), site.rows());
-  // What an effect's law may be off, for a change of the force of this size.
-  const auto addForm = [&](const Eigen::VectorXd& change, double weight, Eigen::MatrixXd& noise) {
-    Eigen::Index from = 0;
-    for (const Site& channel : channels.sites) {
-      noise.block(from, from, channel.rows(), channel.rows()) +=
-          weight * computeFormCovariance(discrepancy_, channel.observation(), change.segment(from, channel.rows()));
-      from += channel.rows();
-    }
-  };
-
-  struct Prediction {
-    double log_density = 0.0;
-    Eigen::VectorXd mean_n;  ///< the most probable one, of all channels
-  };
-  const auto predict = [&](const Model& model, const Parts& parts) -> std::optional<Prediction> {
-    const bool sideways = actsSideways(model);
-    const auto isEmpty = [](const Forces& f) { return f.empty(); };
-    if (parts.always.empty() || std::any_of(parts.swings.begin(), parts.swings.end(), isEmpty)) return std::nullopt;
-    ErrorModel allowed = errors;
-    const bool changes_force = std::any_of(model.variants.begin(), model.variants.end(),
-                                           [](const Variant* v) { return !v->effect->reading_only; });
-    const Eigen::VectorXd always_n = channels.mean(parts.always, 0.0, sideways);
-    if (changes_force && o.ice_contact) {
-      const Forces& largest = parts.with_events.empty() ? parts.always : parts.with_events;
-      addForm(channels.mean(largest, 0.0, sideways) - without_n, 1.0, allowed.noise);
-      for (std::size_t k = 0; k < parts.swings.size(); ++k) {
-        addForm(channels.mean(parts.swings[k], 0.0, sideways) - always_n, parts.shares[k] * parts.shares[k],
-                allowed.noise);
-      }
-    }
-    std::vector<double> log_weight;
-    const std::vector<LinearModel> ways = waysOf(channels, parts, sideways, log_weight);
-    Prediction p;
-    p.log_density = computeLogDensity(data, ways, log_weight, allowed);
-    const FactoredErrors factored(allowed, 1.0);
-    double best = -std::numeric_limits<double>::infinity();
-    const LinearModel* best_way = nullptr;
-    for (std::size_t i = 0; i < ways.size(); ++i) {
-      const double density = computeLogEvidence(data, ways[i], factored) + log_weight[i];
-      if (density > best) {
-        best = density;
-        best_way = &ways[i];
-      }
-    }
-    p.mean_n = fitLinear(data, *best_way, allowed).mean;
-    return p;
+  const auto predicted = [&](const Model& model, const Parts<Forces>& parts) {
+    return predict(channels, model, parts, without_n, discrepancy_, errors);
   };
   const auto errorOf = [&](const Prediction& p) { return computeError(o, p.mean_n.head(site.rows()), covariance); };
 
-  const Prediction as_given = *predict(given, given_parts), without = *predict(baseline, baseline_parts);
+  const Prediction as_given = *predicted(given, given_parts), without = *predicted(baseline, baseline_parts);
   predicted_.resize(models.size());
-  for (std::size_t k = 0; k < models.size(); ++k) {
-    if (std::find(all.begin(), all.end(), &models[k]) == all.end()) continue;
-    const std::optional<Prediction> with = predict(models[k], partsOf(models[k], false));
+  for (const std::size_t k : worth) {
+    const std::optional<Prediction> with = predicted(models[k], partsOf(models[k], false));
     if (!with) continue;
     predicted_[k] = {with->mean_n.head(site.rows()), errorOf(*with)};
     Explanation& e = result.ranking[k];

@@ -186,8 +186,8 @@ void describe(Identification& result, const Thresholds& thresholds) {
       evidence += ", " + shortNumber(100.0 * e.explained_ratio) + " % of the excess explained";
     }
     text.push_back(evidence + ".");
-    text.push_back("Error on this record: " + shortNumber(refitted.rmse_n) + " N with the baseline refitted, " +
-                   shortNumber(after.rmse_n) + " N with the effect.");
+    text.push_back("Error of the vertical force on this record: " + shortNumber(refitted.rmse_n) +
+                   " N with the baseline refitted, " + shortNumber(after.rmse_n) + " N with the effect.");
     if (std::isfinite(e.holdout_ratio)) {
       text.push_back("Held-out record: ln of its odds with the effect " + shortNumber(e.holdout_log_ratio) +
                      ", error " + shortNumber(result.holdout.front().refitted.rmse_n) + " N without the effect, " +

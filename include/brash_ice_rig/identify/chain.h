@@ -166,6 +166,7 @@ class Chain {
   std::vector<Model> bestShapes(const std::map<const Variant*, Model>& screened, const Model& baseline) const;
   void startAgain(Model& baseline, const std::vector<Model>& models);
   void addSecondEffect(std::vector<Model>& models, const Model& baseline);
+  ErrorModel heldOutErrors(std::vector<Site>& sites, const Eigen::VectorXd& without_n) const;
   void evaluateHoldout(const Model& baseline, const std::vector<Model>& models, Identification& result);
   void addCurves(const Model& baseline, const Model* best, Identification& result) const;
   void addDetectable(Identification& result, const Detectability& detectability) const;

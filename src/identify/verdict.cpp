@@ -49,18 +49,23 @@ bool areOfOneClass(const std::string& a, const std::string& b, const std::vector
          });
 }
 
-/// ln of the Bayes factor that the fitted and the held-out record give together.
+/// ln of the Bayes factor that the fitted and the held-out record give together: the first says how large the effect
+/// is, the second how probable it makes a lift that it was not fitted to.
 double evidenceOfBoth(const Explanation& e) {
   return e.log_bayes_factor + (std::isfinite(e.holdout_log_ratio) ? e.holdout_log_ratio : 0.0);
 }
 
-/// Whether the evidence for this effect is not clearly less than that for the other one.
-bool hasAsMuchEvidence(const Explanation& e, const Explanation& other, const std::vector<ConfusableSet>& confusable,
-                       const Thresholds& thresholds) {
-  const double behind = other.log_bayes_factor - e.log_bayes_factor;
-  if (behind < std::max(thresholds.rival_nats, thresholds.rival_share * other.log_bayes_factor)) return true;
-  return stands(e, thresholds) && evidenceOfBoth(e) > 0.5 * evidenceOfBoth(other) &&
-         areOfOneClass(e.effects[0], other.effects[0], confusable);
+/// Whether evidence is not clearly less than the most there is.
+bool isAsMuch(double evidence, double most, const Thresholds& thresholds) {
+  return most - evidence < std::max(thresholds.rival_nats, thresholds.rival_share * most);
+}
+
+/// Whether this effect cannot be told from the other one, of which there is evidence.
+bool isRival(const Explanation& e, const Explanation& other, const std::vector<ConfusableSet>& confusable,
+             const Thresholds& thresholds) {
+  const double evidence = evidenceOfBoth(e), most = evidenceOfBoth(other);
+  return isAsMuch(evidence, most, thresholds) ||
+         (stands(e, thresholds) && evidence > 0.5 * most && areOfOneClass(e.effects[0], other.effects[0], confusable));
 }
 
 }  // namespace
@@ -117,13 +122,15 @@ void decide(Identification& result, const RecordReport& report, const Thresholds
     if (holds(e)) accepted.push_back(&e);
   }
   if (!accepted.empty()) {
-    const Explanation* best = accepted.front();
+    const Explanation* best = *std::max_element(
+        accepted.begin(), accepted.end(),
+        [](const Explanation* a, const Explanation* b) { return evidenceOfBoth(*a) < evidenceOfBoth(*b); });
     std::vector<const Explanation*> contenders{best};
     if (best->effects.size() == 1) {
       for (const Explanation& e : result.ranking) {
         if (e.effects == best->effects || e.effects.size() != 1 || e.log_bayes_factor <= 0.0) continue;
         if (heldOutSpeaksAgainst(e, thresholds)) continue;
-        if ((untaught && holds(e)) || hasAsMuchEvidence(e, *best, result.confusable, thresholds)) {
+        if ((untaught && holds(e)) || isRival(e, *best, result.confusable, thresholds)) {
           contenders.push_back(&e);
         }
       }
@@ -204,8 +211,8 @@ void describe(Identification& result, const Thresholds& thresholds) {
     }
     for (const Explanation& other : result.ranking) {
       if (!other.confirmed || other.log_bayes_factor <= other.threshold) continue;
-      if (other.effects == e.effects || !hasAsMuchEvidence(other, e, result.confusable, thresholds)) continue;
       if (!heldOutSpeaksAgainst(other, thresholds)) continue;
+      if (!isAsMuch(other.log_bayes_factor, e.log_bayes_factor, thresholds)) continue;
       text.push_back(joined(other.effects, "and") + " would explain this record as well (ln of the Bayes factor " +
                      shortNumber(other.log_bayes_factor) +
                      "), but the held-out one is less probable with it than without (ln of the odds " +

@@ -119,16 +119,31 @@ TEST(Verdict, WithoutReferencesAllThatHoldAreRivals) {
     result.discrepancy = Discrepancy();
     return decided(result);
   };
-  EXPECT_EQ(untaught(930.0, 770.0).effects, (Names{"thickness_field", "drainage"}));
+  EXPECT_EQ(untaught(930.0, 900.0).effects, (Names{"thickness_field", "drainage"}));
   EXPECT_EQ(untaught(760.0, 1010.0).effects, Names{"thickness_field"});
 
-  Identification told = untaught(930.0, 770.0);
+  Identification told = untaught(930.0, 900.0);
   told.records.emplace_back();
   told.holdout.emplace_back();
   describe(told, Thresholds());
   EXPECT_EQ(std::count_if(told.summary.begin(), told.summary.end(),
                           [](const std::string& s) { return s.rfind("No reference was given", 0) == 0; }),
             1);
+}
+
+TEST(Verdict, TheEvidenceOfBothRecordsDecides) {
+  // 20 + 5 against 12 + 60.
+  const Explanation larger = found({"drainage"}, 20.0, 950.0), better = found({"crane_speed"}, 12.0, 400.0);
+  const Identification result = decided(ranked({larger, better}));
+  EXPECT_EQ(result.verdict, Verdict::kEffect);
+  EXPECT_EQ(result.effects, Names{"crane_speed"});
+  EXPECT_EQ(result.accepted, 1u);
+  // 12 + 10 is not clearly more than 20 + 1, nor less.
+  EXPECT_EQ(decided(ranked({found({"drainage"}, 20.0, 990.0), found({"crane_speed"}, 12.0, 900.0)})).verdict,
+            Verdict::kTie);
+  // What has too little evidence from the fitted record is not named, but nothing is named alone beside it.
+  EXPECT_EQ(decided(ranked({found({"thickness_field"}, 9.0, 1000.0), found({"vessel_heave"}, 1.0, 880.0)})).effects,
+            (Names{"thickness_field", "vessel_heave"}));
 }
 
 TEST(Verdict, ARivalOfTheSameClassNeedsHalfOfTheEvidence) {

@@ -171,6 +171,10 @@ class Verdicts(TemporaryReport):
         self.assertIn("Next comes", box)
         stronger.update(holdout_log_ratio=1.0, detectability=4.2, explained_ratio=0.3, confirmed=True)
         self.assertIn("but it is not named: d′ is 4.2, it explains 30 % of what is left unexplained.", self.box(report))
+        stronger["holdout_log_ratio"] = -0.5
+        together = report["ranking"][0]["log_bayes_factor"] + report["ranking"][0]["holdout_log_ratio"]
+        self.assertIn("but it is not named: of both records together there is less for it "
+                      f"(log Bayes factor 98.5 against {together:.1f}).", self.box(report))
         stronger["holdout_log_ratio"] = None
         self.assertIn("but it is not named: d′ is 4.2, it explains 30 % of what is left unexplained.", self.box(report))
         stronger["explained_ratio"] = None

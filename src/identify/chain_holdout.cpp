@@ -204,6 +204,7 @@ std::optional<Prediction> predict(const Channels& channels, const Model& model, 
 }  // namespace
 
 /// What noise and simulator may be off in a record that was not fitted, of which its sites say how it is as given.
+/// @param sites      the record first; its lateral channels get their scatter here
 /// @param without_n  all channels as the baseline predicts them
 ErrorModel Chain::heldOutErrors(std::vector<Site>& sites, const Eigen::VectorXd& without_n) const {
   ErrorModel errors;

@@ -50,7 +50,8 @@ bool areOfOneClass(const std::string& a, const std::string& b, const std::vector
 }
 
 /// ln of the Bayes factor that the fitted and the held-out record give together: the first says how large the effect
-/// is, the second how probable it makes a lift that it was not fitted to.
+/// is, the second how probable it makes a lift that it was not fitted to. Of the first alone where that was not
+/// predicted.
 double evidenceOfBoth(const Explanation& e) {
   return e.log_bayes_factor + (std::isfinite(e.holdout_log_ratio) ? e.holdout_log_ratio : 0.0);
 }

@@ -9,7 +9,7 @@
 namespace brash_ice_rig {
 namespace {
 
-/// Explanations that are confirmed by simulation, and the passes of Gauss-Newton for each.
+/// Explanations that are confirmed by simulation in any case, and the passes of Gauss-Newton for each.
 constexpr std::size_t kConfirmed = 4;
 /// ln of the Bayes factor below which a straight line's verdict is final: a simulation would not make up for 5.
 constexpr double kWorthSimulating = 1.0;
@@ -19,6 +19,15 @@ constexpr double kReferenceFloor = 0.005;
 
 bool isHopeless(const Model& model, const Model& baseline) {
   return score(model) - baseline.fit.log_evidence <= kWorthSimulating;
+}
+
+/// Whether an explanation is worth simulating. Of several with enough evidence, none may win for want of the others'
+/// simulation.
+/// @param models  the likeliest first
+bool mustBeConfirmed(const std::vector<Model>& models, std::size_t k, const Model& baseline,
+                     const Thresholds& thresholds) {
+  if (k < kConfirmed) return !isHopeless(models[k], baseline);
+  return score(models[k]) - baseline.fit.log_evidence > thresholds.of(models[k].variants[0]->effect->name);
 }
 
 }  // namespace
@@ -50,7 +59,9 @@ Identification Chain::run() {
 
   std::vector<Model> models = screenEffects(baseline);
   std::vector<Model*> to_confirm{&baseline};
-  for (std::size_t k = 0; k < models.size() && k < kConfirmed; ++k) to_confirm.push_back(&models[k]);
+  for (std::size_t k = 0; k < models.size(); ++k) {
+    if (mustBeConfirmed(models, k, baseline, thresholds_)) to_confirm.push_back(&models[k]);
+  }
   for (int pass = 0; pass < kPasses && !input_.screen_only; ++pass) {
     to_confirm.erase(std::remove_if(to_confirm.begin(), to_confirm.end(),
                                     [&](const Model* m) { return m != &baseline && isHopeless(*m, baseline); }),
@@ -99,8 +110,8 @@ std::vector<Model> Chain::screenEffects(const Model& baseline) {
   for (;;) {
     std::vector<Model> models = bestShapes(screened, baseline);
     std::vector<const Variant*> best;
-    for (std::size_t k = 0; k < models.size() && k < kConfirmed && !isHopeless(models[k], baseline); ++k) {
-      best.push_back(models[k].variants[0]);
+    for (std::size_t k = 0; k < models.size(); ++k) {
+      if (mustBeConfirmed(models, k, baseline, thresholds_)) best.push_back(models[k].variants[0]);
     }
     if (!settle(best)) return models;
     for (const Variant* v : best) screened[v] = linear(v);

@@ -236,6 +236,7 @@ Variant makeSwell(const std::vector<double>& periods_s) {
   const EffectDescription& effect = describedAs("vessel_heave");
   Variant v;
   v.effect = &effect;
+  v.periods_s = periods_s;
   const auto named = [](const char* stem, std::size_t k, const char* unit) {
     return std::string(stem) + "_" + std::to_string(k + 1) + "_" + unit;
   };

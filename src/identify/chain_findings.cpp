@@ -37,7 +37,7 @@ std::pair<double, double> amplitudeInterval(const Model& model) {
 
 Explanation Chain::explain(const Model& model, const Model& baseline, const Detectability& detectability) const {
   Explanation e;
-  e.holdout_rmse_n = e.holdout_ratio = e.holdout_log_ratio = kNaN;
+  e.holdout_rmse_n = e.holdout_ratio = e.holdout_log_ratio = e.holdout_way_log_ratio = kNaN;
   for (const Variant* v : model.variants) {
     e.effects.emplace_back(v->effect->name);
     e.shape += (e.shape.empty() ? "" : "; ") + v->label;

@@ -1,6 +1,7 @@
 #include "brash_ice_rig/identify/chain.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -49,6 +50,8 @@ struct Parts {
   struct Swing {
     T with;        ///< this one and what always comes back
     double share;  ///< standard deviation of how much of it there is, as its phase is not known
+    /// Of swell, whose sine and cosine follow one another; 0 of another swing.
+    double period_s, size_m;
   };
   T always;
   std::optional<T> with_events;  ///< and what always comes back
@@ -60,7 +63,7 @@ Parts<Eigen::VectorXd> partsOfUnknowns(const Model& model, Eigen::Index first_am
   Eigen::VectorXd always = model.x, with_events = model.x;
   struct Size {
     Eigen::Index column;
-    double size, share;
+    double size, share, period_s;
   };
   std::vector<Size> sizes;
   bool has_events = false;
@@ -80,7 +83,8 @@ Parts<Eigen::VectorXd> partsOfUnknowns(const Model& model, Eigen::Index first_am
         square += std::pow(model.x[first + static_cast<Eigen::Index>(other)], 2);
         ++count;
       }
-      if (square > 0.0) sizes.push_back({column, std::sqrt(square), 1.0 / std::sqrt(count)});
+      const double period_s = v->periods_s.empty() ? 0.0 : v->periods_s[static_cast<std::size_t>(all[k].swing - 1)];
+      if (square > 0.0) sizes.push_back({column, std::sqrt(square), 1.0 / std::sqrt(count), period_s});
     }
     first += static_cast<Eigen::Index>(all.size());
   }
@@ -88,7 +92,7 @@ Parts<Eigen::VectorXd> partsOfUnknowns(const Model& model, Eigen::Index first_am
   parts.always = always;
   if (has_events) parts.with_events = with_events;
   for (const Size& s : sizes) {
-    parts.swings.push_back({always, s.share});
+    parts.swings.push_back({always, s.share, s.period_s, s.size});
     parts.swings.back().with[s.column] = s.size;
   }
   return parts;
@@ -113,14 +117,41 @@ std::pair<std::vector<const Variant*>, Eigen::VectorXd> withoutZeros(const Model
   return {variants, left};
 }
 
-/// Every way in which a record may come about: with each delay, with and without events; the swings' sizes and phases
-/// are unknowns. One delay would not do: where a curve rises a quarter of a second early there is only noise to allow
-/// for it.
+/// The same way with swell of so many times its period.
+LinearModel withLongerSwell(LinearModel way, const Site& site, const Parts<Forces>& parts, double delay_s,
+                            double longer) {
+  const CollectorConfig& rig = site.scenario.collector;
+  const Eigen::VectorXd mass_kg =
+      way.offset.head(site.rows()).cwiseMax(0.0).array() / kGravityMps2 + rig.mass_kg + rig.pole_mass_kg;
+  const Eigen::VectorXd time_s = site.observation().time_s.array() - delay_s;
+  for (std::size_t k = 0; k + 1 < parts.swings.size();) {
+    const auto& swing = parts.swings[k];
+    if (swing.period_s == 0.0) {
+      ++k;
+      continue;
+    }
+    auto columns = way.columns.block(0, static_cast<Eigen::Index>(k), site.rows(), 2);
+    columns = swellResponse(columns, swing.period_s, swing.period_s * longer, time_s, mass_kg * swing.size_m);
+    k += 2;
+  }
+  return way;
+}
+
+bool swells(const Parts<Forces>& parts) {
+  return std::any_of(parts.swings.begin(), parts.swings.end(), [](const auto& swing) { return swing.period_s > 0.0; });
+}
+
+/// Every way in which a record may come about: with each delay, with and without events, with swell of each period
+/// near the expected one; the swings' sizes and phases are unknowns. One delay would not do: where a curve rises a
+/// quarter of a second early there is only noise to allow for it. Nor would one period: a twentieth off, swell is out
+/// of step within a lift.
+/// @param longer      periods of swell over those of the fit, as expected
 /// @param log_weight  out: of each way against the others
-std::vector<LinearModel> waysOf(const Channels& channels, const Parts<Forces>& parts, bool sideways,
+std::vector<LinearModel> waysOf(const Channels& channels, const Parts<Forces>& parts, bool sideways, double longer,
                                 std::vector<double>& log_weight) {
   constexpr double kSigmaS = 0.5, kMostS = 1.5;
   constexpr int kSteps = 30;
+  constexpr std::array<double, 5> kPeriods{0.95, 0.975, 1.0, 1.025, 1.05};
   std::vector<LinearModel> ways;
   const auto count = static_cast<Eigen::Index>(parts.swings.size());
   for (int step = -kSteps; step <= kSteps; ++step) {
@@ -136,12 +167,22 @@ std::vector<LinearModel> waysOf(const Channels& channels, const Parts<Forces>& p
       way.columns.col(k) = channels.mean(swing.with, delay_s, sideways) - way.offset;
       way.prior_sigma[k] = swing.share;
     }
-    ways.push_back(way);
-    log_weight.push_back(-0.5 * delay_s * delay_s / (kSigmaS * kSigmaS));
-    if (!parts.with_events) continue;
-    ways.push_back(way);
-    ways.back().offset = channels.mean(*parts.with_events, delay_s, sideways);
-    log_weight.push_back(log_weight.back());
+    const double log_prior = -0.5 * delay_s * delay_s / (kSigmaS * kSigmaS);
+    std::vector<LinearModel> periods{way};
+    if (swells(parts)) {
+      periods.clear();
+      for (const double about : kPeriods) {
+        periods.push_back(withLongerSwell(way, channels.sites.front(), parts, delay_s, longer * about));
+      }
+    }
+    for (LinearModel& each : periods) {
+      ways.push_back(each);
+      log_weight.push_back(log_prior);
+      if (!parts.with_events) continue;
+      each.offset = channels.mean(*parts.with_events, delay_s, sideways);
+      ways.push_back(each);
+      log_weight.push_back(log_prior);
+    }
   }
   return ways;
 }
@@ -165,9 +206,11 @@ struct Prediction {
 /// How probable a record is that was not fitted.
 /// @param parts   what the model says of it
 /// @param errors  what is allowed without an effect
+/// @param longer  periods of swell over those of the fit
 /// @return        none where the model freezes
 std::optional<Prediction> predict(const Channels& channels, const Model& model, const Parts<Forces>& parts,
-                                  const Eigen::VectorXd& without_n, const Discrepancy& discrepancy, ErrorModel errors) {
+                                  const Eigen::VectorXd& without_n, const Discrepancy& discrepancy, ErrorModel errors,
+                                  double longer) {
   const bool sideways = actsSideways(model);
   const auto freezes = [](const Parts<Forces>::Swing& s) { return s.with.empty(); };
   if (parts.always.empty() || std::any_of(parts.swings.begin(), parts.swings.end(), freezes)) return std::nullopt;
@@ -184,7 +227,7 @@ std::optional<Prediction> predict(const Channels& channels, const Model& model, 
   }
   const Eigen::VectorXd data = channels.data();
   std::vector<double> log_weight;
-  const std::vector<LinearModel> ways = waysOf(channels, parts, sideways, log_weight);
+  const std::vector<LinearModel> ways = waysOf(channels, parts, sideways, longer, log_weight);
   Prediction p;
   p.log_density = computeLogDensity(data, ways, log_weight, errors);
   const FactoredErrors factored(errors, 1.0);
@@ -199,6 +242,18 @@ std::optional<Prediction> predict(const Channels& channels, const Model& model, 
   }
   p.mean_n = fitLinear(data, *best_way, errors).mean;
   return p;
+}
+
+/// While the hoist moves, m/s.
+double meanSpeed(const HoistPath& path) {
+  double way_m = 0.0, moving_s = 0.0;
+  for (std::size_t i = 1; i < path.time_s.size(); ++i) {
+    const double step_m = std::abs(path.height_m[i] - path.height_m[i - 1]);
+    if (step_m == 0.0) continue;
+    way_m += step_m;
+    moving_s += path.time_s[i] - path.time_s[i - 1];
+  }
+  return moving_s > 0.0 ? way_m / moving_s : 0.0;
 }
 
 }  // namespace
@@ -260,7 +315,7 @@ void Chain::evaluateHoldout(const Model& baseline, const std::vector<Model>& mod
     if (unknown.with_events) parts.with_events = forcesAt(model, *unknown.with_events, request_only);
     if (parts.with_events && parts.with_events->empty()) parts.with_events.reset();
     for (const auto& swing : unknown.swings) {
-      parts.swings.push_back({forcesAt(model, swing.with, request_only), swing.share});
+      parts.swings.push_back({forcesAt(model, swing.with, request_only), swing.share, swing.period_s, swing.size_m});
     }
     return parts;
   };
@@ -282,21 +337,28 @@ void Chain::evaluateHoldout(const Model& baseline, const std::vector<Model>& mod
   const Eigen::VectorXd data = channels.data(), without_n = channels.mean(baseline_parts.always, 0.0, false);
   const ErrorModel errors = heldOutErrors(channels.sites, without_n);
   const Eigen::MatrixXd covariance = (errors.noise + errors.discrepancy).topLeftCorner(site.rows(), site.rows());
-  const auto predicted = [&](const Model& model, const Parts<Forces>& parts) {
-    return predict(channels, model, parts, without_n, discrepancy_, errors);
+  const auto predicted = [&](const Model& model, const Parts<Forces>& parts, double longer = 1.0) {
+    return predict(channels, model, parts, without_n, discrepancy_, errors, longer);
   };
   const auto errorOf = [&](const Prediction& p) { return computeError(o, p.mean_n.head(site.rows()), covariance); };
 
   const Prediction as_given = *predicted(given, given_parts), without = *predicted(baseline, baseline_parts);
+  constexpr double kSpeedsDiffer = 0.12;  // or both would be among the periods that are tried
+  const double speed = meanSpeed(o.path);
+  const double slower = speed > 0.0 ? meanSpeed(sites_.front().observation().path) / speed : 1.0;
   predicted_.resize(models.size());
   for (const std::size_t k : worth) {
-    const std::optional<Prediction> with = predicted(models[k], partsOf(models[k], false));
+    const Parts<Forces> parts = partsOf(models[k], false);
+    const std::optional<Prediction> with = predicted(models[k], parts);
     if (!with) continue;
     predicted_[k] = {with->mean_n.head(site.rows()), errorOf(*with)};
     Explanation& e = result.ranking[k];
     e.holdout_rmse_n = predicted_[k].error.rmse_n;
     e.holdout_ratio = std::sqrt(channels.meanSquare(with->mean_n - data) / channels.meanSquare(without.mean_n - data));
     e.holdout_log_ratio = with->log_density - without.log_density;
+    // The sea's period is about the same in a slower lift, a drum's is not.
+    if (!swells(parts) || std::abs(std::log(slower)) < kSpeedsDiffer) continue;
+    e.holdout_way_log_ratio = predicted(models[k], parts, slower)->log_density - without.log_density;
   }
   RecordCurves& c = site.curves;
   c.baseline_n = as_given.mean_n.head(site.rows());

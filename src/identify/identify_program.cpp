@@ -108,6 +108,7 @@ Json rankingJson(const Identification& id) {
                        {"holdout_rmse_n", e.holdout_rmse_n},
                        {"holdout_ratio", e.holdout_ratio},
                        {"holdout_log_ratio", e.holdout_log_ratio},
+                       {"holdout_way_log_ratio", e.holdout_way_log_ratio},
                        {"parameters", parameters},
                        {"baseline_change", changes},
                        {"note", e.note}});

@@ -32,8 +32,16 @@ bool stands(const Explanation& e, const Thresholds& thresholds) {
   return e.confirmed && e.log_bayes_factor > e.threshold && e.detectability >= thresholds.detectability;
 }
 
-bool heldOutSpeaksAgainst(const Explanation& e, const Thresholds& thresholds) {
-  return e.holdout_log_ratio <= thresholds.holdout_log_ratio;  // never without a held-out record
+/// Whether what looks like swell goes with the hoist's way and not with the time. Never where that was not asked, nor
+/// without references: then what lifts differ by passes for evidence.
+bool goesWithTheWay(const Explanation& e, const Identification& result, const Thresholds& thresholds) {
+  return result.discrepancy.fromReferences() &&
+         e.holdout_way_log_ratio - e.holdout_log_ratio > thresholds.log_bayes_factor;
+}
+
+/// Never without a held-out record.
+bool heldOutSpeaksAgainst(const Explanation& e, const Identification& result, const Thresholds& thresholds) {
+  return e.holdout_log_ratio <= thresholds.holdout_log_ratio || goesWithTheWay(e, result, thresholds);
 }
 
 /// Whether two effects do much the same to the force: on this record, or as is known of them.
@@ -67,6 +75,14 @@ bool isRival(const Explanation& e, const Explanation& other, const std::vector<C
   const double evidence = evidenceOfBoth(e), most = evidenceOfBoth(other);
   return isAsMuch(evidence, most, thresholds) ||
          (stands(e, thresholds) && evidence > 0.5 * most && areOfOneClass(e.effects[0], other.effects[0], confusable));
+}
+
+/// Of what goes with the way.
+std::string describeTheWay(const Explanation& e) {
+  return "The held-out record, which goes at another speed, is more probable if its waves keep their length along the "
+         "hoist's way (ln of the odds " +
+         shortNumber(e.holdout_way_log_ratio) +
+         ") than if they keep their period: this looks like something that turns with the hoist, not like the sea.";
 }
 
 }  // namespace
@@ -113,7 +129,7 @@ void decide(Identification& result, const RecordReport& report, const Thresholds
   };
   const auto holds = [&](const Explanation& e) {
     if (e.effects.size() > 1 && !earnsItsPlace(e)) return false;
-    return stands(e, thresholds) && !heldOutSpeaksAgainst(e, thresholds) &&
+    return stands(e, thresholds) && !heldOutSpeaksAgainst(e, result, thresholds) &&
            (!excess || e.explained_ratio >= thresholds.explained_ratio);
   };
   // Without references, evidence also measures how well an effect looks like what the simulator is off for every lift.
@@ -130,7 +146,7 @@ void decide(Identification& result, const RecordReport& report, const Thresholds
     if (best->effects.size() == 1) {
       for (const Explanation& e : result.ranking) {
         if (e.effects == best->effects || e.effects.size() != 1 || e.log_bayes_factor <= 0.0) continue;
-        if (heldOutSpeaksAgainst(e, thresholds)) continue;
+        if (heldOutSpeaksAgainst(e, result, thresholds)) continue;
         if ((untaught && holds(e)) || isRival(e, *best, result.confusable, thresholds)) {
           contenders.push_back(&e);
         }
@@ -172,6 +188,7 @@ void describe(Identification& result, const Thresholds& thresholds) {
                      shortNumber(thresholds.holdout_log_ratio) + ")";
         }
         text.push_back(nearest + ".");
+        if (goesWithTheWay(e, result, thresholds)) text.push_back(describeTheWay(e));
       }
       break;
     case Verdict::kNone:
@@ -212,11 +229,15 @@ void describe(Identification& result, const Thresholds& thresholds) {
     }
     for (const Explanation& other : result.ranking) {
       if (!other.confirmed || other.log_bayes_factor <= other.threshold) continue;
-      if (!heldOutSpeaksAgainst(other, thresholds)) continue;
+      if (!heldOutSpeaksAgainst(other, result, thresholds)) continue;
       if (!isAsMuch(other.log_bayes_factor, e.log_bayes_factor, thresholds)) continue;
-      text.push_back(joined(other.effects, "and") + " would explain this record as well (ln of the Bayes factor " +
-                     shortNumber(other.log_bayes_factor) +
-                     "), but the held-out one is less probable with it than without (ln of the odds " +
+      std::string but = joined(other.effects, "and") + " would explain this record as well (ln of the Bayes factor " +
+                        shortNumber(other.log_bayes_factor) + "), but ";
+      if (goesWithTheWay(other, result, thresholds)) {
+        text.push_back(but + "it is no swell. " + describeTheWay(other));
+        continue;
+      }
+      text.push_back(but + "the held-out one is less probable with it than without (ln of the odds " +
                      shortNumber(other.holdout_log_ratio) + ").");
     }
   } else {

@@ -43,7 +43,7 @@ class IdentifyProgram : public ::testing::Test {
   /// Makes a record of a run: 8 s of rest, then the lift, with noise and what `changed` does to the force.
   static void record(const std::string& name, unsigned seed,
                      const std::function<double(double force_n, double empty_force_n)>& changed,
-                     const std::string& run = "run", bool lateral = false) {
+                     const std::string& run = "run", bool lateral = false, double speed_mps = 0.15) {
     const SimulatedForce force = readSimulatedForce(directory_->file(run));
     std::mt19937 generator(seed);
     std::normal_distribution<double> noise(0.0, 15.0);
@@ -51,7 +51,7 @@ class IdentifyProgram : public ::testing::Test {
     csv << "time_s,force_n,hoist_position_m" << (lateral ? ",force_x_n,force_y_n" : "") << '\n';
     const double start_m = -0.74;
     for (int row = 0; row * 0.02 < 21.0; ++row) {
-      const double time = row * 0.02 - 8.0, lifted = std::min(std::max(time, 0.0), 8.0) * 0.15;
+      const double time = row * 0.02 - 8.0, lifted = std::min(std::max(time, 0.0) * speed_mps, 1.2);
       const auto at = static_cast<std::size_t>(std::max(std::lround(time / 0.01), 0L));
       const std::size_t i = std::min(at, force.force_n.size() - 1);
       csv << row * 0.02 << ',' << std::round(changed(force.force_n[i], force.empty_force_n[i]) + noise(generator))
@@ -150,6 +150,28 @@ TEST_F(IdentifyProgram, SwellThatHasAnotherPhaseInTheHeldOutRecordIsConfirmedByI
   EXPECT_GT(heave["log_bayes_factor"], 6.0) << outcome.text;
   EXPECT_GT(heave["holdout_log_ratio"], 3.0) << outcome.text;
   EXPECT_LT(heave["holdout_ratio"], 0.8) << outcome.text;
+  EXPECT_TRUE(heave["holdout_way_log_ratio"].is_null());  // both go at one speed
+}
+
+TEST_F(IdentifyProgram, WavesThatKeepTheirLengthAlongTheWayAreTold) {
+  const auto same = [](double force, double) { return force; };
+  const std::string swell =
+      "run small.yaml --set effects.vessel_heave.enabled=true --set effects.vessel_heave.amplitude_1_m=0.06 "
+      "--set effects.vessel_heave.period_1_s=";
+  ASSERT_EQ(program(swell + "4 --out drum_run").exit_code, 0);
+  ASSERT_EQ(program(swell + "5 --set effects.vessel_heave.phase_1_deg=70 --set procedure.lift_speed_mps=0.12 "
+                            "--set procedure.lift_duration_s=10 --out slower_drum_run")
+                .exit_code,
+            0);
+  record("drum", 10, same, "drum_run");
+  record("slower_drum", 11, same, "slower_drum_run", false, 0.12);
+  const Outcome outcome =
+      program("identify drum.csv --holdout slower_drum.csv --out drum_out --cache cache --no-report");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
+  const auto heave = entryOf(report("drum_out"), "vessel_heave");
+  ASSERT_TRUE(heave.is_object()) << outcome.text;
+  ASSERT_TRUE(heave["holdout_way_log_ratio"].is_number()) << outcome.text;
+  EXPECT_GT(heave["holdout_way_log_ratio"], 6.0 + heave["holdout_log_ratio"].get<double>()) << outcome.text;
 }
 
 TEST_F(IdentifyProgram, AFallThatDoesNotComeBackCostsNoMoreThanATossOfACoin) {

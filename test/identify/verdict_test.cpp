@@ -22,6 +22,7 @@ Explanation found(const std::vector<std::string>& effects, double log_bayes_fact
   e.holdout_rmse_n = holdout_rmse_n;
   e.holdout_ratio = holdout_rmse_n / 1000.0;
   e.holdout_log_ratio = (1000.0 - holdout_rmse_n) / 10.0;
+  e.holdout_way_log_ratio = kNone;
   return e;
 }
 
@@ -144,6 +145,30 @@ TEST(Verdict, TheEvidenceOfBothRecordsDecides) {
   // What has too little evidence from the fitted record is not named, but nothing is named alone beside it.
   EXPECT_EQ(decided(ranked({found({"thickness_field"}, 9.0, 1000.0), found({"vessel_heave"}, 1.0, 880.0)})).effects,
             (Names{"thickness_field", "vessel_heave"}));
+}
+
+TEST(Verdict, WavesThatKeepTheirLengthAlongTheWayAreUnknown) {
+  Explanation swell = found({"vessel_heave"}, 36.0, 890.0);  // 11 of the held-out record
+  swell.holdout_way_log_ratio = 16.9;
+  EXPECT_EQ(decided(ranked({swell})).verdict, Verdict::kEffect);
+  swell.holdout_way_log_ratio = 17.1;
+  Identification result = decided(ranked({swell}));
+  EXPECT_EQ(result.verdict, Verdict::kUnknown);
+  const auto saysWhy = [](Identification& told) {
+    told.records.emplace_back();
+    told.holdout.emplace_back();
+    describe(told, Thresholds());
+    return std::count_if(told.summary.begin(), told.summary.end(), [](const std::string& s) {
+      return s.find("turns with the hoist, not like the sea") != std::string::npos;
+    });
+  };
+  EXPECT_EQ(saysWhy(result), 1);
+  Identification other = decided(ranked({swell, found({"drainage"}, 30.0, 900.0)}));
+  EXPECT_EQ(other.effects, Names{"drainage"});
+  EXPECT_EQ(saysWhy(other), 1);
+  Identification untaught = ranked({swell});
+  untaught.discrepancy = Discrepancy();
+  EXPECT_EQ(decided(untaught).verdict, Verdict::kEffect);
 }
 
 TEST(Verdict, ARivalOfTheSameClassNeedsHalfOfTheEvidence) {

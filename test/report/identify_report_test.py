@@ -175,6 +175,11 @@ class Verdicts(TemporaryReport):
         together = report["ranking"][0]["log_bayes_factor"] + report["ranking"][0]["holdout_log_ratio"]
         self.assertIn("but it is not named: of both records together there is less for it "
                       f"(log Bayes factor 98.5 against {together:.1f}).", self.box(report))
+        stronger["holdout_way_log_ratio"] = 5.6
+        self.assertIn("but it is not named: the unseen record, at another speed, is more probable if its waves keep their "
+                      "length along the hoist's way (log odds 5.6, against −0.5 if they keep their period)",
+                      self.box(report))
+        stronger["holdout_way_log_ratio"] = None
         stronger["holdout_log_ratio"] = None
         self.assertIn("but it is not named: d′ is 4.2, it explains 30 % of what is left unexplained.", self.box(report))
         stronger["explained_ratio"] = None

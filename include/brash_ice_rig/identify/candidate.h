@@ -38,6 +38,7 @@ struct Variant {
   const EffectDescription* effect = nullptr;
   std::string label;  ///< tells the variants of an effect apart
   std::vector<Amplitude> amplitudes;
+  std::vector<double> periods_s;  ///< of swell; none of another effect
   /// Values of the effect's parameters for given amplitudes, the effect switched on.
   std::function<void(EffectValues&, const Eigen::VectorXd&)> apply;
   /// Estimates of all its parameters that a record can tell.

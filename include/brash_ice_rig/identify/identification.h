@@ -53,6 +53,9 @@ struct Explanation {
   double holdout_ratio = 0.0;  ///< error of the held-out record over that without the effect, all channels; NaN without
   /// ln of how much more probable the held-out record is with it than without; NaN without.
   double holdout_log_ratio = 0.0;
+  /// The same if its swell kept its length along the hoist's way instead of its period, as what turns with a drum does.
+  /// NaN without swell, or where both records go at the same speed.
+  double holdout_way_log_ratio = 0.0;
   std::vector<ParameterEstimate> parameters;
   std::vector<double> baseline;  ///< fitted, in the order of Identification::baseline
   std::string note;

@@ -48,10 +48,10 @@ struct Channels {
 template <typename T>
 struct Parts {
   struct Swing {
-    T with;        ///< this one and what always comes back
-    double share;  ///< standard deviation of how much of it there is, as its phase is not known
-    /// Of swell, whose sine and cosine follow one another; 0 of another swing.
-    double period_s, size_m;
+    T with;           ///< this one and what always comes back
+    double share;     ///< standard deviation of how much of it there is, as its phase is not known
+    double size;      ///< of it in `with`, in the unit of its amplitude
+    double period_s;  ///< of swell, whose sine and cosine follow one another; 0 of another swing
   };
   T always;
   std::optional<T> with_events;  ///< and what always comes back
@@ -92,7 +92,7 @@ Parts<Eigen::VectorXd> partsOfUnknowns(const Model& model, Eigen::Index first_am
   parts.always = always;
   if (has_events) parts.with_events = with_events;
   for (const Size& s : sizes) {
-    parts.swings.push_back({always, s.share, s.period_s, s.size});
+    parts.swings.push_back({always, s.share, s.size, s.period_s});
     parts.swings.back().with[s.column] = s.size;
   }
   return parts;
@@ -131,7 +131,7 @@ LinearModel withLongerSwell(LinearModel way, const Site& site, const Parts<Force
       continue;
     }
     auto columns = way.columns.block(0, static_cast<Eigen::Index>(k), site.rows(), 2);
-    columns = swellResponse(columns, swing.period_s, swing.period_s * longer, time_s, mass_kg * swing.size_m);
+    columns = swellResponse(columns, swing.period_s, swing.period_s * longer, time_s, mass_kg * swing.size);
     k += 2;
   }
   return way;
@@ -315,7 +315,7 @@ void Chain::evaluateHoldout(const Model& baseline, const std::vector<Model>& mod
     if (unknown.with_events) parts.with_events = forcesAt(model, *unknown.with_events, request_only);
     if (parts.with_events && parts.with_events->empty()) parts.with_events.reset();
     for (const auto& swing : unknown.swings) {
-      parts.swings.push_back({forcesAt(model, swing.with, request_only), swing.share, swing.period_s, swing.size_m});
+      parts.swings.push_back({forcesAt(model, swing.with, request_only), swing.share, swing.size, swing.period_s});
     }
     return parts;
   };

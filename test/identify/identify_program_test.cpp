@@ -133,6 +133,14 @@ nlohmann::json entryOf(const nlohmann::json& report, const std::string& effect) 
   return nullptr;
 }
 
+/// Whether all that could be named as it is was simulated, the fifth of the ranking as well.
+bool whatCouldBeNamedWasSimulated(const nlohmann::json& report) {
+  for (const auto& entry : report["ranking"]) {
+    if (!entry["confirmed"] && entry["log_bayes_factor"] > entry["threshold"]) return false;
+  }
+  return true;
+}
+
 TEST_F(IdentifyProgram, SwellThatHasAnotherPhaseInTheHeldOutRecordIsConfirmedByIt) {
   const auto same = [](double force, double) { return force; };
   const std::string swell =
@@ -146,6 +154,7 @@ TEST_F(IdentifyProgram, SwellThatHasAnotherPhaseInTheHeldOutRecordIsConfirmedByI
       program("identify swell.csv --holdout other_phase.csv --out swell_out --cache cache --no-report");
   ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
   const auto json = report("swell_out"), heave = entryOf(json, "vessel_heave");
+  EXPECT_TRUE(whatCouldBeNamedWasSimulated(json)) << outcome.text;
   ASSERT_TRUE(heave.is_object()) << outcome.text;
   EXPECT_GT(heave["log_bayes_factor"], 6.0) << outcome.text;
   EXPECT_GT(heave["holdout_log_ratio"], 3.0) << outcome.text;
@@ -168,7 +177,8 @@ TEST_F(IdentifyProgram, WavesThatKeepTheirLengthAlongTheWayAreTold) {
   const Outcome outcome =
       program("identify drum.csv --holdout slower_drum.csv --out drum_out --cache cache --no-report");
   ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
-  const auto heave = entryOf(report("drum_out"), "vessel_heave");
+  const auto json = report("drum_out"), heave = entryOf(json, "vessel_heave");
+  EXPECT_TRUE(whatCouldBeNamedWasSimulated(json)) << outcome.text;
   ASSERT_TRUE(heave.is_object()) << outcome.text;
   ASSERT_TRUE(heave["holdout_way_log_ratio"].is_number()) << outcome.text;
   EXPECT_GT(heave["holdout_way_log_ratio"], 6.0 + heave["holdout_log_ratio"].get<double>()) << outcome.text;

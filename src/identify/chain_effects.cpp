@@ -105,7 +105,7 @@ Eigen::MatrixXd Chain::signature(const Site& site, const Variant& v) {
   std::vector<SimulatedForce> plain;
   std::vector<Eigen::VectorXd> before;
   for (int seed = 1; seed <= pairs; ++seed) {
-    plain.push_back(corrected(requestBaseline(site, std::min(seed, site.seeds()))));
+    plain.push_back(corrected(site, requestBaseline(site, std::min(seed, site.seeds()))));
     before.push_back(site.bins(plain.back()));
   }
   const std::vector<std::string> keys = requestSignature(site, v);
@@ -121,7 +121,7 @@ Eigen::MatrixXd Chain::signature(const Site& site, const Variant& v) {
             (site.bins(throughLoadCell(values, site.scenario, plain[pair])) - before[pair]) / (step * pairs);
       } else if (!keys.empty()) {
         const std::string& key = keys[static_cast<std::size_t>(k) * plain.size() + pair];
-        if (!runs_.failed(key)) columns.col(k) += (site.bins(corrected(key)) - before[pair]) / (step * pairs);
+        if (!runs_.failed(key)) columns.col(k) += (site.bins(corrected(site, key)) - before[pair]) / (step * pairs);
       }
     }
   }

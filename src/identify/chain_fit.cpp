@@ -126,7 +126,7 @@ std::optional<Eigen::VectorXd> Chain::simulated(const Model& model, const Eigen:
       const std::string key = runs_.request(s);
       if (request_only) continue;
       if (runs_.failed(key)) return std::nullopt;
-      mean += site.bins(asRead(corrected(key), s, x, model.variants), delay) / seeds;
+      mean += site.bins(asRead(corrected(site, key), s, x, model.variants), delay) / seeds;
     }
     parts.push_back(mean);
   }

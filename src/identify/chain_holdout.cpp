@@ -304,7 +304,7 @@ void Chain::evaluateHoldout(const Model& baseline, const std::vector<Model>& mod
       const Scenario s = scenarioAt(site, x, variants, seed);
       const std::string key = runs_.request(s);
       if (request_only || runs_.failed(key)) continue;
-      forces.push_back(&model == &given ? runs_.force(key) : asRead(corrected(key), s, x, variants));
+      forces.push_back(&model == &given ? runs_.force(key) : asRead(corrected(site, key), s, x, variants));
     }
     return forces;
   };
@@ -333,7 +333,7 @@ void Chain::evaluateHoldout(const Model& baseline, const std::vector<Model>& mod
   if (given_parts.always.empty() || baseline_parts.always.empty()) return;
   site.mean_n = channels.mean(given_parts.always, 0.0, false).head(site.rows());
   site.chaos_n = site.known_share = Eigen::VectorXd::Zero(site.rows());
-  if (o.ice_contact) site.known_share = computeKnownShare(discrepancy_, o.time_s, o.way_m);
+  if (o.ice_contact) site.known_share = computeKnownShare(discrepancy_, o.path, o.time_s, o.way_m);
   const Eigen::VectorXd data = channels.data(), without_n = channels.mean(baseline_parts.always, 0.0, false);
   const ErrorModel errors = heldOutErrors(channels.sites, without_n);
   const Eigen::MatrixXd covariance = (errors.noise + errors.discrepancy).topLeftCorner(site.rows(), site.rows());

@@ -209,7 +209,7 @@ void Chain::readBaseline(Site& site) {
     if (runs_.failed(key)) {
       throw ConfigError("", "", "the simulation of this record's rig and ice freezes", site.curves.path);
     }
-    const SimulatedForce known = corrected(key);
+    const SimulatedForce known = corrected(site, key);
     constexpr double kShiftS = 0.05;
     forces.col(seed - 1) = site.bins(runs_.force(key));
     corrected_forces.col(seed - 1) = site.bins(known);
@@ -223,7 +223,7 @@ void Chain::readBaseline(Site& site) {
     site.mean_n.setZero();
     site.start_n.setZero();
   } else if (o.ice_contact) {
-    site.known_share = computeKnownShare(discrepancy_, o.time_s, o.way_m);
+    site.known_share = computeKnownShare(discrepancy_, o.path, o.time_s, o.way_m);
   }
   site.chaos_n = Eigen::VectorXd::Zero(site.rows());
   if (seeds > 1) {
@@ -243,7 +243,7 @@ void Chain::readBaseline(Site& site) {
       const std::string key = requestBaseline(site, seed, slope.unknown, slope.step);
       if (runs_.failed(key)) continue;
       site.slopes.col(slope.column) +=
-          (site.bins(corrected(key)) - corrected_forces.col(seed - 1)) / (slope.step * kPairs);
+          (site.bins(corrected(site, key)) - corrected_forces.col(seed - 1)) / (slope.step * kPairs);
     }
   }
 }

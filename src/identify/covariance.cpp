@@ -30,21 +30,67 @@ double computeLevel(const Eigen::VectorXd& force_n) {
   return largest / static_cast<double>(count);
 }
 
-Eigen::VectorXd computeKnownShare(const Discrepancy& d, const Eigen::VectorXd& time_s, const Eigen::VectorXd& way_m) {
+namespace {
+
+/// Cells of the way in which references are compared.
+constexpr double kGridM = 0.04;
+/// So long a rest is unrolled, at this speed. What blocks do when the hoist stops is over by then.
+constexpr double kRestS = 4.0, kRestMps = 0.08;
+
+/// When the hoist stands still before it goes on, and where.
+struct Rest {
+  double start_s, way_m;
+};
+
+std::vector<Rest> restsOf(const HoistPath& path) {
+  constexpr double kShortestS = 1.0;
+  std::vector<Rest> rests;
+  for (std::size_t k = 0; k + 2 < path.time_s.size(); ++k) {
+    if (path.height_m[k + 1] != path.height_m[k] || path.time_s[k + 1] - path.time_s[k] < kShortestS) continue;
+    rests.push_back({path.time_s[k], path.height_m[k]});
+  }
+  return rests;
+}
+
+bool isAt(const Rest& rest, double way_m) {
+  return std::abs(rest.way_m - way_m) < kGridM;
+}
+
+}  // namespace
+
+Eigen::VectorXd unrollWay(const std::vector<double>& rests_m, const HoistPath& path, const Eigen::VectorXd& time_s,
+                          const Eigen::VectorXd& way_m) {
+  assert(time_s.size() == way_m.size());
+  const std::vector<Rest> rests = restsOf(path);
+  Eigen::VectorXd unrolled = way_m;
+  for (const double rest_m : rests_m) {
+    const auto own = std::find_if(rests.begin(), rests.end(), [&](const Rest& rest) { return isAt(rest, rest_m); });
+    for (Eigen::Index i = 0; i < unrolled.size(); ++i) {
+      const double rested_s = own != rests.end() ? time_s[i] - own->start_s : way_m[i] > rest_m ? kRestS : 0.0;
+      unrolled[i] += kRestMps * std::clamp(rested_s, 0.0, kRestS);
+    }
+  }
+  return unrolled;
+}
+
+Eigen::VectorXd computeKnownShare(const Discrepancy& d, const HoistPath& path, const Eigen::VectorXd& time_s,
+                                  const Eigen::VectorXd& way_m) {
   assert(time_s.size() == way_m.size());
   Eigen::VectorXd share = Eigen::VectorXd::Zero(time_s.size());
   if (!d.fromReferences()) return share;
+  const Eigen::VectorXd place_m = unrollWay(d.rest_way_m, path, time_s, way_m);
   for (Eigen::Index i = 0; i < share.size(); ++i) {
-    if (time_s[i] > 0.0) share[i] = valueOfBrokenLine(d.way_m, d.mean_share, way_m[i]);
+    if (time_s[i] > 0.0) share[i] = valueOfBrokenLine(d.way_m, d.mean_share, place_m[i]);
   }
   return share;
 }
 
-SimulatedForce correctKnownDiscrepancy(const Discrepancy& d, SimulatedForce force) {
+SimulatedForce correctKnownDiscrepancy(const Discrepancy& d, const HoistPath& path, SimulatedForce force) {
   if (!d.fromReferences()) return force;
   const auto count = static_cast<Eigen::Index>(force.time_s.size());
-  const Eigen::VectorXd share = computeKnownShare(d, Eigen::Map<const Eigen::VectorXd>(force.time_s.data(), count),
-                                                  Eigen::Map<const Eigen::VectorXd>(force.way_m.data(), count));
+  const Eigen::VectorXd share =
+      computeKnownShare(d, path, Eigen::Map<const Eigen::VectorXd>(force.time_s.data(), count),
+                        Eigen::Map<const Eigen::VectorXd>(force.way_m.data(), count));
   const auto bin_count = std::max<Eigen::Index>(static_cast<Eigen::Index>(force.time_s.back() / kBinS), 1);
   const Eigen::VectorXd bins =
       (Eigen::VectorXd::LinSpaced(bin_count, 0.0, static_cast<double>(bin_count - 1)).array() + 0.5) * kBinS;
@@ -67,9 +113,6 @@ double computeIceFactor(const Discrepancy& d, const IceValues& ice, const IceVal
 }
 
 namespace {
-
-/// Cells of the way in which references are compared.
-constexpr double kGridM = 0.04;
 
 /// Corners of a path at which the speed changes by more than half. Before the first, the hoist stood.
 std::vector<std::size_t> turnsOf(const HoistPath& path) {
@@ -116,14 +159,30 @@ Discrepancy learnDiscrepancy(const std::vector<ReferenceLift>& lifts, const Disc
   learned.sigma_share.clear();
   learned.modes_share.clear();
   learned.turn_way_m.clear();
+  learned.rest_way_m.clear();
   learned.ice.clear();
   learned.known_rest_share.reset();
   for (const ReferenceLift& lift : lifts) learned.ice.push_back(lift.ice);
 
+  for (const Rest& rest : restsOf(lifts.front().path)) {
+    const bool common = std::all_of(lifts.begin(), lifts.end(), [&](const ReferenceLift& lift) {
+      const std::vector<Rest> rests = restsOf(lift.path);
+      return std::any_of(rests.begin(), rests.end(), [&](const Rest& other) { return isAt(other, rest.way_m); });
+    });
+    const bool again = std::any_of(learned.rest_way_m.begin(), learned.rest_way_m.end(),
+                                   [&](double way_m) { return isAt(rest, way_m); });
+    if (common && !again) learned.rest_way_m.push_back(rest.way_m);
+  }
+
   // Means of each lift in each cell that all of them cover, and what is left in a cell.
   double covered = std::numeric_limits<double>::infinity();
+  std::vector<Eigen::VectorXd> place_m;
   for (const ReferenceLift& lift : lifts) {
-    covered = std::min(covered, *std::max_element(lift.way_m.begin(), lift.way_m.end()));
+    const auto bins = static_cast<Eigen::Index>(lift.way_m.size());
+    place_m.push_back(unrollWay(learned.rest_way_m, lift.path,
+                                Eigen::Map<const Eigen::VectorXd>(lift.time_s.data(), bins),
+                                Eigen::Map<const Eigen::VectorXd>(lift.way_m.data(), bins)));
+    covered = std::min(covered, place_m.back().maxCoeff());
   }
   const auto count = static_cast<Eigen::Index>(lifts.size());
   std::vector<Eigen::VectorXd> cells;
@@ -133,9 +192,10 @@ Discrepancy learnDiscrepancy(const std::vector<ReferenceLift>& lifts, const Disc
     bool whole = true;
     for (Eigen::Index i = 0; i < count; ++i) {
       const ReferenceLift& lift = lifts[static_cast<std::size_t>(i)];
+      const Eigen::VectorXd& place = place_m[static_cast<std::size_t>(i)];
       double sum = 0.0, squares = 0.0, n = 0.0;
       for (std::size_t k = 0; k < lift.way_m.size(); ++k) {
-        if (static_cast<std::size_t>(std::max(lift.way_m[k], 0.0) / kGridM) != cell) continue;
+        if (static_cast<std::size_t>(std::max(place[static_cast<Eigen::Index>(k)], 0.0) / kGridM) != cell) continue;
         sum += lift.residual_share[k];
         squares += lift.residual_share[k] * lift.residual_share[k];
         n += 1.0;
@@ -257,11 +317,12 @@ Eigen::MatrixXd computeDiscrepancyCovariance(const Discrepancy& d, const Observa
   const Eigen::Index n = o.time_s.size();
   const double peak = ice_force_n.cwiseAbs().maxCoeff(), level = computeLevel(ice_force_n);
   Eigen::VectorXd place(n), smooth(n), rough(n), rest(n), turn = Eigen::VectorXd::Zero(n);
+  const Eigen::VectorXd unrolled_m = unrollWay(d.rest_way_m, o.path, o.time_s, o.way_m);
   for (Eigen::Index i = 0; i < n; ++i) {
     const bool moving = o.time_s[i] > 0.0;
     place[i] = placeOf(d, o, i);
     // References differ in the arrangement of their blocks, too.
-    const double own = d.fromReferences() ? level * valueOfBrokenLine(d.way_m, d.sigma_share, o.way_m[i])
+    const double own = d.fromReferences() ? level * valueOfBrokenLine(d.way_m, d.sigma_share, unrolled_m[i])
                                           : std::hypot(d.share * ice_force_n[i], chaos_n[i]);
     smooth[i] = moving ? own + d.share_of_peak * peak : 0.0;
     rough[i] = moving ? d.rough_share * std::abs(ice_force_n[i]) : 0.0;
@@ -280,7 +341,7 @@ Eigen::MatrixXd computeDiscrepancyCovariance(const Discrepancy& d, const Observa
   for (const std::vector<double>& mode : d.modes_share) {
     Eigen::VectorXd curve = Eigen::VectorXd::Zero(n);
     for (Eigen::Index i = 0; i < n; ++i) {
-      if (o.time_s[i] > 0.0) curve[i] = level * valueOfBrokenLine(d.way_m, mode, o.way_m[i]);
+      if (o.time_s[i] > 0.0) curve[i] = level * valueOfBrokenLine(d.way_m, mode, unrolled_m[i]);
     }
     covariance.triangularView<Eigen::Lower>() += curve * curve.transpose();
   }

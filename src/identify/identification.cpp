@@ -195,11 +195,13 @@ std::optional<ReferenceLift> Chain::reference(bool simulate) {
   const double level = computeLevel(simulated_n);
   const Eigen::Index at_rest = (site.observation().time_s.array() <= 0.0).count();
   if (at_rest > 0) lift.rest_share = left.head(at_rest).mean() / level;
+  lift.path = site.observation().path;
   for (Eigen::Index i = at_rest; i < site.rows(); ++i) {
+    lift.time_s.push_back(site.observation().time_s[i]);
     lift.way_m.push_back(site.observation().way_m[i]);
     lift.residual_share.push_back(left[i] / level);
   }
-  lift.turn_way_m = findTurns(site.observation().path);
+  lift.turn_way_m = findTurns(lift.path);
   const Eigen::VectorXd x = clipped(baseline, baseline.fit.x);
   for (Eigen::Index k = 0; k < kIceUnknowns; ++k) lift.ice[k] = ice_[static_cast<std::size_t>(k)].prior + x[k];
   return lift;

@@ -200,11 +200,20 @@ TEST(Covariance, NoiseHasItsVarianceOnTheDiagonalAndForgets) {
   EXPECT_NEAR(k(0, 399), 1600.0 / 3.0 * std::exp(-99.75 / 30.0), 1e-6);
 }
 
+/// A lift at 0.05 m/s with this left of it at these ways.
+ReferenceLift makeLift(const std::vector<double>& way_m, const std::vector<double>& residual_share) {
+  ReferenceLift lift;
+  lift.way_m = way_m;
+  lift.residual_share = residual_share;
+  for (const double way : way_m) lift.time_s.push_back(20.0 * way);
+  return lift;
+}
+
 TEST(Covariance, ReferencesTeachTheirMeanAndScatter) {
   // Two lifts that are off by 2 and 4 %: mean 3 %, and each is 2 % from what the other says. At the end both are right.
   const std::vector<double> ways = {0.05, 0.06, 1.85, 1.86};
   const Discrepancy learned =
-      learnDiscrepancy({{ways, {0.02, 0.02, 0.0, 0.0}, {}}, {ways, {0.04, 0.04, 0.0, 0.0}, {}}}, Discrepancy());
+      learnDiscrepancy({makeLift(ways, {0.02, 0.02, 0.0, 0.0}), makeLift(ways, {0.04, 0.04, 0.0, 0.0})}, Discrepancy());
   ASSERT_EQ(learned.way_m.size(), 2u);
   EXPECT_NEAR(learned.way_m[0], 0.06, 1e-12);
   EXPECT_NEAR(learned.mean_share[0], 0.03, 1e-12);
@@ -228,14 +237,64 @@ TEST(Covariance, WhatTheSimulatorIsOffGoesWithTheCollectorNotWithTheHoist) {
     force.force_n.push_back(2000.0);
     force.way_m.push_back(time < 4.0 ? 0.225 * time : time < 6.0 ? 0.9 : 0.9 + 0.2 * (time - 6.0));
   }
-  const SimulatedForce corrected = correctKnownDiscrepancy(d, force);
+  const SimulatedForce corrected = correctKnownDiscrepancy(d, HoistPath(), force);
   EXPECT_EQ(corrected.force_n[119], 2000.0) << "0.9 m";
   EXPECT_NEAR(corrected.force_n[135], 2000.0 + 2000.0 * 0.05, 1e-9) << "6.75 s, 1.05 m";
   EXPECT_NEAR(corrected.force_n[200], 2200.0, 1e-9) << "1.7 m";
-  EXPECT_EQ(correctKnownDiscrepancy(Discrepancy(), force).force_n, force.force_n) << "without references";
-  const Eigen::VectorXd share = computeKnownShare(d, Eigen::Vector2d(0.0, 0.1), Eigen::Vector2d(1.2, 1.2));
+  EXPECT_EQ(correctKnownDiscrepancy(Discrepancy(), HoistPath(), force).force_n, force.force_n) << "without references";
+  const Eigen::VectorXd share = computeKnownShare(d, HoistPath(), Eigen::Vector2d(0.0, 0.1), Eigen::Vector2d(1.2, 1.2));
   EXPECT_EQ(share[0], 0.0) << "before the motion";
   EXPECT_EQ(share[1], 0.1);
+}
+
+/// A lift whose residual is a multiple of one curve, and in every place a little more or less than that by turns.
+ReferenceLift makeReference(double multiple, double ripple) {
+  std::vector<double> way_m, residual_share;
+  for (int i = 0; i < 200; ++i) {
+    way_m.push_back(0.01 * i + 0.005);
+    residual_share.push_back(multiple * std::sin(way_m.back()) + (i % 2 == 0 ? ripple : -ripple));
+  }
+  ReferenceLift lift = makeLift(way_m, residual_share);
+  lift.turn_way_m = {0.0, 2.0};
+  return lift;
+}
+
+TEST(Covariance, ARestThatReferencesHaveIsUnrolledForFourSeconds) {
+  const HoistPath stops{{0.0, 10.0, 20.0, 30.0}, {0.0, 0.5, 0.5, 1.0}}, lifts{{0.0, 20.0}, {0.0, 1.0}};
+  const Eigen::Vector4d time_s(5.0, 12.0, 15.0, 25.0), way_m(0.25, 0.5, 0.5, 0.75);
+  EXPECT_LT((unrollWay({0.5}, stops, time_s, way_m) - Eigen::Vector4d(0.25, 0.66, 0.82, 1.07)).norm(), 1e-12);
+  EXPECT_EQ(unrollWay({}, stops, time_s, way_m), way_m) << "no reference rests there";
+  const Eigen::Vector2d moving_s(8.0, 12.0), moved_m(0.4, 0.6);
+  EXPECT_LT((unrollWay({0.5}, lifts, moving_s, moved_m) - Eigen::Vector2d(0.4, 0.92)).norm(), 1e-12)
+      << "a lift without the rest leaves its places out";
+}
+
+TEST(Covariance, WhatTheSimulatorDoesWhileTheHoistRestsIsLearned) {
+  // The simulator's force falls by 10 % of its level when the hoist stops and comes back with 1 s; nature's does not.
+  const auto off = [](double rested_s) { return rested_s < 0.0 ? 0.0 : 0.1 * std::exp(-rested_s); };
+  const auto rested = [](double rest_s, double share) {
+    ReferenceLift lift;
+    lift.path = {{0.0, 10.0, 10.0 + rest_s, 20.0 + rest_s}, {0.0, 0.5, 0.5, 1.0}};
+    for (double time = 0.125; time < 20.0 + rest_s; time += kBinS) {
+      const double moved_s = std::min(time, 10.0) + std::max(time - 10.0 - rest_s, 0.0);
+      lift.time_s.push_back(time);
+      lift.way_m.push_back(0.05 * moved_s);
+      lift.residual_share.push_back(time < 10.0 + rest_s ? share * (time < 10.0 ? 0.0 : std::exp(10.0 - time)) : 0.0);
+    }
+    return lift;
+  };
+  const Discrepancy learned = learnDiscrepancy({rested(6.0, 0.09), rested(9.0, 0.11)}, Discrepancy());
+  EXPECT_EQ(learned.rest_way_m, std::vector<double>{0.5});
+  const ReferenceLift other = rested(14.0, 0.1);
+  const Eigen::Map<const Eigen::VectorXd> time_s(other.time_s.data(), static_cast<Eigen::Index>(other.time_s.size())),
+      way_m(other.way_m.data(), time_s.size());
+  const Eigen::VectorXd share = computeKnownShare(learned, other.path, time_s, way_m);
+  for (Eigen::Index i = 0; i < share.size(); ++i) {
+    // Cells are half a second long, and between them lines are straight.
+    if (time_s[i] < 9.0 || time_s[i] > 10.5)
+      EXPECT_NEAR(share[i], time_s[i] < 24.0 ? off(time_s[i] - 10.0) : 0.0, 0.006);
+  }
+  EXPECT_TRUE(learnDiscrepancy({rested(6.0, 0.1), makeReference(0.0, 0.0)}, Discrepancy()).rest_way_m.empty());
 }
 
 TEST(Covariance, IceUnlikeTheReferencesIsPredictedLessWell) {
@@ -251,21 +310,9 @@ TEST(Covariance, IceUnlikeTheReferencesIsPredictedLessWell) {
 TEST(Covariance, OneReferenceSaysNothingOfTheScatter) {
   Discrepancy before;
   before.share = 0.07;
-  const Discrepancy learned = learnDiscrepancy({{{0.5}, {0.1}, {}}}, before);
+  const Discrepancy learned = learnDiscrepancy({makeLift({0.5}, {0.1})}, before);
   EXPECT_EQ(learned.mean_share, std::vector<double>{0.1});
   EXPECT_NEAR(learned.sigma_share[0], 0.07, 1e-15);
-}
-
-/// A lift whose residual is a multiple of one curve, and in every place a little more or less than that by turns.
-ReferenceLift makeReference(double multiple, double ripple) {
-  ReferenceLift lift;
-  for (int i = 0; i < 200; ++i) {
-    const double way = 0.01 * i + 0.005;
-    lift.way_m.push_back(way);
-    lift.residual_share.push_back(multiple * std::sin(way) + (i % 2 == 0 ? ripple : -ripple));
-  }
-  lift.turn_way_m = {0.0, 2.0};
-  return lift;
 }
 
 TEST(Covariance, WhatReferencesHaveInCommonBecomesAModeAndTheRestIsSmall) {

@@ -116,8 +116,8 @@ class Chain {
   Scenario scenarioAt(const Site& site, const Eigen::VectorXd& x, const std::vector<const Variant*>& variants,
                       int seed) const;
   Eigen::Index unknowns() const { return kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(records_); }
-  SimulatedForce corrected(const std::string& key) const {
-    return correctKnownDiscrepancy(discrepancy_, runs_.force(key));
+  SimulatedForce corrected(const Site& site, const std::string& key) const {
+    return correctKnownDiscrepancy(discrepancy_, site.observation().path, runs_.force(key));
   }
   SimulatedForce asRead(SimulatedForce force, const Scenario& scenario, const Eigen::VectorXd& x,
                         const std::vector<const Variant*>& variants) const;

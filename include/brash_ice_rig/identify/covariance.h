@@ -15,12 +15,14 @@ using IceValues = Eigen::Vector3d;
 /// How far the simulator may be from nature where nothing is missing. Amplitudes are shares of the force that the ice
 /// exerts there, or of the largest one that is simulated; lengths are distances that the hoist covers.
 struct Discrepancy {
-  /// What reference lifts showed, over the way, in shares of the force's level; empty without references.
+  /// What reference lifts showed, over the way as unrollWay() has it, in shares of the force's level; empty without
+  /// references.
   /// Their mean; the curves along which they differ among each other, each as large as its standard deviation; and what
   /// a further lift is off beside both. As many places each, the way increasing. They take the place of `share`.
   std::vector<double> way_m, mean_share, sigma_share;
   std::vector<std::vector<double>> modes_share;
   std::vector<double> turn_way_m;  ///< where references start, stop or turn, so that they show what that does
+  std::vector<double> rest_way_m;  ///< where all references stand still before they go on
   std::vector<IceValues> ice;      ///< of the references, as fitted
   /// How far they are off before the first motion, in the same shares; takes the place of `rest_share`.
   std::optional<double> known_rest_share;
@@ -54,14 +56,21 @@ Eigen::MatrixXd computeNoiseCovariance(const ForceNoise& noise, const Eigen::Vec
 /// references refer. Swell and single blocks leave it as it is.
 double computeLevel(const Eigen::VectorXd& force_n);
 
+/// The way, going on where the hoist rests: what happens while it stands is at places of its own. The first 4 s of a
+/// rest that references have count 8 cm each second; a record without that rest leaves these places out.
+/// @param rests_m  ways of those rests  @param time_s  since the start of the motion  @param way_m  since then, as many
+Eigen::VectorXd unrollWay(const std::vector<double>& rests_m, const HoistPath& path, const Eigen::VectorXd& time_s,
+                          const Eigen::VectorXd& way_m);
+
 /// What references showed the simulator to be off, as shares of its level: zero without them and before the motion.
+/// @param path    of the hoist
 /// @param time_s  since the start of the motion  @param way_m  of the collector since then, as many
-Eigen::VectorXd computeKnownShare(const Discrepancy& discrepancy, const Eigen::VectorXd& time_s,
+Eigen::VectorXd computeKnownShare(const Discrepancy& discrepancy, const HoistPath& path, const Eigen::VectorXd& time_s,
                                   const Eigen::VectorXd& way_m);
 
 /// A simulated force with what the simulator is known to be off. It goes with the way of the collector: where that
 /// comes later than the hoist, so does all that happens to the ice.
-SimulatedForce correctKnownDiscrepancy(const Discrepancy& discrepancy, SimulatedForce force);
+SimulatedForce correctKnownDiscrepancy(const Discrepancy& discrepancy, const HoistPath& path, SimulatedForce force);
 
 /// How much larger the variance of what the simulator is off must be taken for ice unlike that of the references: that
 /// of a prediction by straight lines through them, 1 + xᵀ (XᵀX)⁻¹ x (Draper and Smith 1998, Applied Regression
@@ -72,7 +81,8 @@ double computeIceFactor(const Discrepancy& discrepancy, const IceValues& ice, co
 
 /// A lift that lacks nothing, as far as the discrepancy can be learned from it.
 struct ReferenceLift {
-  std::vector<double> way_m;           ///< of each bin in motion
+  HoistPath path;
+  std::vector<double> time_s, way_m;   ///< of each bin since the motion began
   std::vector<double> residual_share;  ///< record less refitted baseline, over the level of the latter; as many
   std::vector<double> turn_way_m;      ///< where the hoist starts, stops or turns
   std::optional<double> rest_share;    ///< mean of the residual before the motion over the level, where there is any

@@ -1,7 +1,6 @@
 #include "brash_ice_rig/identify/chain.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -124,15 +123,12 @@ LinearModel withLongerSwell(LinearModel way, const Site& site, const Parts<Force
   const Eigen::VectorXd mass_kg =
       way.offset.head(site.rows()).cwiseMax(0.0).array() / kGravityMps2 + rig.mass_kg + rig.pole_mass_kg;
   const Eigen::VectorXd time_s = site.observation().time_s.array() - delay_s;
-  for (std::size_t k = 0; k + 1 < parts.swings.size();) {
+  for (std::size_t k = 0; k < parts.swings.size(); ++k) {
     const auto& swing = parts.swings[k];
-    if (swing.period_s == 0.0) {
-      ++k;
-      continue;
-    }
+    if (swing.period_s == 0.0) continue;
     auto columns = way.columns.block(0, static_cast<Eigen::Index>(k), site.rows(), 2);
     columns = swellResponse(columns, swing.period_s, swing.period_s * longer, time_s, mass_kg * swing.size);
-    k += 2;
+    ++k;  // the cosine
   }
   return way;
 }
@@ -151,7 +147,8 @@ std::vector<LinearModel> waysOf(const Channels& channels, const Parts<Forces>& p
                                 std::vector<double>& log_weight) {
   constexpr double kSigmaS = 0.5, kMostS = 1.5;
   constexpr int kSteps = 30;
-  constexpr std::array<double, 5> kPeriods{0.95, 0.975, 1.0, 1.025, 1.05};
+  const std::vector<double> periods =
+      swells(parts) ? std::vector<double>{0.95, 0.975, 1.0, 1.025, 1.05} : std::vector<double>{1.0};
   std::vector<LinearModel> ways;
   const auto count = static_cast<Eigen::Index>(parts.swings.size());
   for (int step = -kSteps; step <= kSteps; ++step) {
@@ -168,19 +165,12 @@ std::vector<LinearModel> waysOf(const Channels& channels, const Parts<Forces>& p
       way.prior_sigma[k] = swing.share;
     }
     const double log_prior = -0.5 * delay_s * delay_s / (kSigmaS * kSigmaS);
-    std::vector<LinearModel> periods{way};
-    if (swells(parts)) {
-      periods.clear();
-      for (const double about : kPeriods) {
-        periods.push_back(withLongerSwell(way, channels.sites.front(), parts, delay_s, longer * about));
-      }
-    }
-    for (LinearModel& each : periods) {
-      ways.push_back(each);
+    for (const double period : periods) {
+      ways.push_back(withLongerSwell(way, channels.sites.front(), parts, delay_s, longer * period));
       log_weight.push_back(log_prior);
       if (!parts.with_events) continue;
-      each.offset = channels.mean(*parts.with_events, delay_s, sideways);
-      ways.push_back(each);
+      ways.push_back(ways.back());
+      ways.back().offset = channels.mean(*parts.with_events, delay_s, sideways);
       log_weight.push_back(log_prior);
     }
   }

@@ -151,6 +151,26 @@ std::vector<double> findTurns(const HoistPath& path) {
   return ways;
 }
 
+namespace {
+
+bool holds(const std::vector<double>& ways, double way) {
+  return std::any_of(ways.begin(), ways.end(), [&](double other) { return std::abs(other - way) < kGridM; });
+}
+
+/// Those ways of the first lift that all lifts have.
+template <typename WaysOf>
+std::vector<double> findCommon(const std::vector<ReferenceLift>& lifts, const WaysOf& ways_of) {
+  std::vector<double> common;
+  for (const double way : ways_of(lifts.front().path)) {
+    const bool all = std::all_of(lifts.begin(), lifts.end(),
+                                 [&](const ReferenceLift& lift) { return holds(ways_of(lift.path), way); });
+    if (all) common.push_back(way);
+  }
+  return common;
+}
+
+}  // namespace
+
 Discrepancy learnDiscrepancy(const std::vector<ReferenceLift>& lifts, const Discrepancy& before) {
   assert(!lifts.empty());
   Discrepancy learned = before;
@@ -164,14 +184,14 @@ Discrepancy learnDiscrepancy(const std::vector<ReferenceLift>& lifts, const Disc
   learned.known_rest_share.reset();
   for (const ReferenceLift& lift : lifts) learned.ice.push_back(lift.ice);
 
-  for (const Rest& rest : restsOf(lifts.front().path)) {
-    const bool common = std::all_of(lifts.begin(), lifts.end(), [&](const ReferenceLift& lift) {
-      const std::vector<Rest> rests = restsOf(lift.path);
-      return std::any_of(rests.begin(), rests.end(), [&](const Rest& other) { return isAt(other, rest.way_m); });
-    });
-    const bool again = std::any_of(learned.rest_way_m.begin(), learned.rest_way_m.end(),
-                                   [&](double way_m) { return isAt(rest, way_m); });
-    if (common && !again) learned.rest_way_m.push_back(rest.way_m);
+  const auto restWays = [](const HoistPath& path) {
+    std::vector<double> ways;
+    for (const Rest& rest : restsOf(path)) ways.push_back(rest.way_m);
+    return ways;
+  };
+  for (const double way : findCommon(lifts, restWays)) {
+    // A rest at the same way again counts as the first.
+    if (!holds(learned.rest_way_m, way)) learned.rest_way_m.push_back(way);
   }
 
   // Means of each lift in each cell that all of them cover, and what is left in a cell.
@@ -264,14 +284,7 @@ Discrepancy learnDiscrepancy(const std::vector<ReferenceLift>& lifts, const Disc
   }
   if (rests > 2.0) learned.known_rest_share = std::sqrt(squares / rests);
 
-  // A turn counts as known where all references have it.
-  for (const double way : lifts.front().turn_way_m) {
-    const bool common = std::all_of(lifts.begin(), lifts.end(), [&](const ReferenceLift& lift) {
-      return std::any_of(lift.turn_way_m.begin(), lift.turn_way_m.end(),
-                         [&](double other) { return std::abs(other - way) < kGridM; });
-    });
-    if (common) learned.turn_way_m.push_back(way);
-  }
+  learned.turn_way_m = findCommon(lifts, findTurns);
   return learned;
 }
 
@@ -347,8 +360,7 @@ Eigen::MatrixXd computeDiscrepancyCovariance(const Discrepancy& d, const Observa
   }
   // Each start, stop and turn has a term of its own, that fades with the distance or the time since.
   for (const std::size_t k : turnsOf(o.path)) {
-    const bool known = std::any_of(d.turn_way_m.begin(), d.turn_way_m.end(),
-                                   [&](double way) { return std::abs(way - o.path.height_m[k]) < kGridM; });
+    const bool known = holds(d.turn_way_m, o.path.height_m[k]);
     const double share = known ? d.known_turn_share : d.turn_share;
     const double length_m = known ? d.known_turn_length_m : d.turn_length_m;
     double start = 0.0;

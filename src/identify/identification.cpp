@@ -201,7 +201,6 @@ std::optional<ReferenceLift> Chain::reference(bool simulate) {
     lift.way_m.push_back(site.observation().way_m[i]);
     lift.residual_share.push_back(left[i] / level);
   }
-  lift.turn_way_m = findTurns(lift.path);
   const Eigen::VectorXd x = clipped(baseline, baseline.fit.x);
   for (Eigen::Index k = 0; k < kIceUnknowns; ++k) lift.ice[k] = ice_[static_cast<std::size_t>(k)].prior + x[k];
   return lift;

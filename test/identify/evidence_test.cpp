@@ -255,7 +255,7 @@ ReferenceLift makeReference(double multiple, double ripple) {
     residual_share.push_back(multiple * std::sin(way_m.back()) + (i % 2 == 0 ? ripple : -ripple));
   }
   ReferenceLift lift = makeLift(way_m, residual_share);
-  lift.turn_way_m = {0.0, 2.0};
+  lift.path = {{0.0, 40.0, 45.0}, {0.0, 2.0, 2.0}};
   return lift;
 }
 
@@ -364,7 +364,7 @@ TEST(Covariance, ForceAtRestIsAsFarOffAsReferencesAreThere) {
 
 TEST(Covariance, TurnsCountAsKnownWhereAllReferencesHaveThem) {
   std::vector<ReferenceLift> lifts = {makeReference(0.01, 0.0), makeReference(0.02, 0.0)};
-  lifts[0].turn_way_m = {0.0, 0.7, 2.0};
+  lifts[0].path = {{0.0, 14.0, 14.5, 40.5, 45.0}, {0.0, 0.7, 0.7, 2.0, 2.0}};
   EXPECT_EQ(learnDiscrepancy(lifts, Discrepancy()).turn_way_m, (std::vector<double>{0.0, 2.0}));
 }
 

@@ -84,7 +84,6 @@ struct ReferenceLift {
   HoistPath path;
   std::vector<double> time_s, way_m;   ///< of each bin since the motion began
   std::vector<double> residual_share;  ///< record less refitted baseline, over the level of the latter; as many
-  std::vector<double> turn_way_m;      ///< where the hoist starts, stops or turns
   std::optional<double> rest_share;    ///< mean of the residual before the motion over the level, where there is any
   IceValues ice = IceValues::Zero();   ///< of the refitted baseline
 };

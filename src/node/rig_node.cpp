@@ -81,9 +81,10 @@ RigNode::RigNode(const NodeOptions& options, const ros::NodeHandle& node, const 
   startRun();
 
   if (options_.publish_clock) clock_publisher_ = node_.advertise<rosgraph_msgs::Clock>(topics::kClock, 10);
-  wrench_publisher_ = node_.advertise<geometry_msgs::WrenchStamped>(topics::kWrench, 100);
-  true_wrench_publisher_ = node_.advertise<geometry_msgs::WrenchStamped>(topics::kTrueWrench, 100);
-  components_publisher_ = node_.advertise<ForceComponents>(topics::kForceComponents, 100);
+  // 10 s of samples: at a high real-time factor a recorder that stalls for a moment still gets each of them.
+  wrench_publisher_ = node_.advertise<geometry_msgs::WrenchStamped>(topics::kWrench, 1000);
+  true_wrench_publisher_ = node_.advertise<geometry_msgs::WrenchStamped>(topics::kTrueWrench, 1000);
+  components_publisher_ = node_.advertise<ForceComponents>(topics::kForceComponents, 1000);
   points_publisher_ = node_.advertise<sensor_msgs::PointCloud2>(topics::kIcePoints, 2);
   plug_publisher_ = node_.advertise<PlugState>(topics::kPlugState, 10);
   command_out_publisher_ = node_.advertise<geometry_msgs::TwistStamped>(topics::kCraneCommandOut, 50);

@@ -46,7 +46,7 @@ Eigen::MatrixXd Chain::formErrors(const Model& model, const Eigen::VectorXd& amp
   for (const Site& site : sites_) {
     if (!site.observation().ice_contact) continue;
     form.block(site.first_row, site.first_row, site.rows(), site.rows()) =
-        computeFormCovariance(discrepancy_, site.observation(), change.segment(site.first_row, site.rows()));
+        computeFormCovariance(*site.discrepancy, site.observation(), change.segment(site.first_row, site.rows()));
   }
   return form;
 }

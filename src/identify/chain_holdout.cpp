@@ -178,12 +178,12 @@ std::vector<LinearModel> waysOf(const Channels& channels, const Parts<Forces>& p
 }
 
 /// Adds what an effect's law may be off, for a change of the force of this size.
-void addFormErrors(const Discrepancy& discrepancy, const Channels& channels, const Eigen::VectorXd& change,
-                   double weight, Eigen::MatrixXd& noise) {
+void addFormErrors(const Channels& channels, const Eigen::VectorXd& change, double weight, Eigen::MatrixXd& noise) {
   Eigen::Index row = 0;
   for (const Site& channel : channels.sites) {
     noise.block(row, row, channel.rows(), channel.rows()) +=
-        weight * computeFormCovariance(discrepancy, channel.observation(), change.segment(row, channel.rows()));
+        weight *
+        computeFormCovariance(*channel.discrepancy, channel.observation(), change.segment(row, channel.rows()));
     row += channel.rows();
   }
 }
@@ -199,8 +199,7 @@ struct Prediction {
 /// @param longer  periods of swell over those of the fit
 /// @return        none where the model freezes
 std::optional<Prediction> predict(const Channels& channels, const Model& model, const Parts<Forces>& parts,
-                                  const Eigen::VectorXd& without_n, const Discrepancy& discrepancy, ErrorModel errors,
-                                  double longer) {
+                                  const Eigen::VectorXd& without_n, ErrorModel errors, double longer) {
   const bool sideways = actsSideways(model);
   const auto freezes = [](const Parts<Forces>::Swing& s) { return s.with.empty(); };
   if (parts.always.empty() || std::any_of(parts.swings.begin(), parts.swings.end(), freezes)) return std::nullopt;
@@ -209,10 +208,10 @@ std::optional<Prediction> predict(const Channels& channels, const Model& model, 
   if (changes_force && channels.sites.front().observation().ice_contact) {
     const Eigen::VectorXd always_n = channels.mean(parts.always, 0.0, sideways);
     const Forces& largest = parts.with_events ? *parts.with_events : parts.always;
-    addFormErrors(discrepancy, channels, channels.mean(largest, 0.0, sideways) - without_n, 1.0, errors.noise);
+    addFormErrors(channels, channels.mean(largest, 0.0, sideways) - without_n, 1.0, errors.noise);
     for (const auto& swing : parts.swings) {
-      addFormErrors(discrepancy, channels, channels.mean(swing.with, 0.0, sideways) - always_n,
-                    swing.share * swing.share, errors.noise);
+      addFormErrors(channels, channels.mean(swing.with, 0.0, sideways) - always_n, swing.share * swing.share,
+                    errors.noise);
     }
   }
   const Eigen::VectorXd data = channels.data();
@@ -323,12 +322,12 @@ void Chain::evaluateHoldout(const Model& baseline, const std::vector<Model>& mod
   if (given_parts.always.empty() || baseline_parts.always.empty()) return;
   site.mean_n = channels.mean(given_parts.always, 0.0, false).head(site.rows());
   site.chaos_n = site.known_share = Eigen::VectorXd::Zero(site.rows());
-  if (o.ice_contact) site.known_share = computeKnownShare(discrepancy_, o.path, o.time_s, o.way_m);
+  if (o.ice_contact) site.known_share = computeKnownShare(*site.discrepancy, o.path, o.time_s, o.way_m);
   const Eigen::VectorXd data = channels.data(), without_n = channels.mean(baseline_parts.always, 0.0, false);
   const ErrorModel errors = heldOutErrors(channels.sites, without_n);
   const Eigen::MatrixXd covariance = (errors.noise + errors.discrepancy).topLeftCorner(site.rows(), site.rows());
   const auto predicted = [&](const Model& model, const Parts<Forces>& parts, double longer = 1.0) {
-    return predict(channels, model, parts, without_n, discrepancy_, errors, longer);
+    return predict(channels, model, parts, without_n, errors, longer);
   };
   const auto errorOf = [&](const Prediction& p) { return computeError(o, p.mean_n.head(site.rows()), covariance); };
 

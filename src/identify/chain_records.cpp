@@ -52,18 +52,29 @@ std::vector<IceUnknown> iceUnknowns(const Record& record) {
   return unknowns;
 }
 
-Site Chain::makeSite(const NamedRecord& named) const {
-  Site site;
-  site.curves.path = named.path;
-  site.curves.record = named.record;
-  site.curves.report = checkRecord(site.curves.record);
-  if (site.curves.report.usability() == Usability::kNo) {
+RecordCurves readCurves(const NamedRecord& named) {
+  RecordCurves curves;
+  curves.path = named.path;
+  curves.record = named.record;
+  curves.report = checkRecord(curves.record);
+  if (curves.report.usability() == Usability::kNo) {
     throw ConfigError(
-        "", "",
-        "nothing can be identified from this record:\n" + describe(named.path, site.curves.record, site.curves.report),
+        "", "", "nothing can be identified from this record:\n" + describe(named.path, curves.record, curves.report),
         named.path);
   }
-  site.curves.observation = makeObservation(site.curves.record, site.curves.report);
+  curves.observation = makeObservation(curves.record, curves.report);
+  return curves;
+}
+
+Site Chain::makeSite(const NamedRecord& named) const {
+  Site site;
+  site.curves = readCurves(named);
+  const std::vector<HoistStage> stages = stagesOf(site.observation().path);
+  const auto own = std::find_if(discrepancies_.begin(), discrepancies_.end(), [&](const Discrepancy& d) {
+    return d.fromReferences() && isSameProcedure(stages, d.procedure);
+  });
+  site.curves.procedure_known = own != discrepancies_.end();
+  site.discrepancy = site.curves.procedure_known ? &*own : &discrepancies_.back();
   Scenario& s = site.scenario;
   s = site.curves.record.scenario;
   s.title = "identify";
@@ -141,6 +152,7 @@ std::vector<Site> Chain::lateralSites(const Site& vertical) const {
     Site site;
     site.curves.path = vertical.curves.path;
     site.curves.record = vertical.curves.record;
+    site.discrepancy = vertical.discrepancy;
     site.scenario = vertical.scenario;
     site.direction_rad = (*lateral_direction_deg_ + across_deg) * kDegree;
     const Eigen::Index count = (all.time_s.size() + kLateralThinning - 1) / kLateralThinning;
@@ -223,7 +235,7 @@ void Chain::readBaseline(Site& site) {
     site.mean_n.setZero();
     site.start_n.setZero();
   } else if (o.ice_contact) {
-    site.known_share = computeKnownShare(discrepancy_, o.path, o.time_s, o.way_m);
+    site.known_share = computeKnownShare(*site.discrepancy, o.path, o.time_s, o.way_m);
   }
   site.chaos_n = Eigen::VectorXd::Zero(site.rows());
   if (seeds > 1) {
@@ -288,19 +300,17 @@ Eigen::MatrixXd Chain::lateralDiscrepancy(const Site& site, const Site& vertical
 Eigen::MatrixXd Chain::discrepancyOf(const Site& site, const Eigen::VectorXd& curve_n) const {
   const double given = computeLevel(site.mean_n), wanted = computeLevel(site.uncorrected(curve_n));
   const double scale = given > 0.0 ? wanted / given : 1.0;
-  return ice_factor_ *
-         computeDiscrepancyCovariance(discrepancy_, site.observation(), scale * site.mean_n, site.chaos_n);
+  return iceFactor(site) *
+         computeDiscrepancyCovariance(*site.discrepancy, site.observation(), scale * site.mean_n, site.chaos_n);
 }
 
 /// What noise and simulator may be off, the latter for a force as large as this curve of the baseline and the ice of x.
 void Chain::setErrors(const Eigen::VectorXd& curve_n, const Eigen::VectorXd& x) {
-  IceValues ice, sigma;
   for (Eigen::Index k = 0; k < kIceUnknowns; ++k) {
     const IceUnknown& unknown = ice_[static_cast<std::size_t>(k)];
-    ice[k] = unknown.prior + x[k];
-    sigma[k] = unknown.sigma;
+    ice_at_[k] = unknown.prior + x[k];
+    ice_sigma_[k] = unknown.sigma;
   }
-  ice_factor_ = computeIceFactor(discrepancy_, ice, sigma);
   errors_.noise = errors_.discrepancy = Eigen::MatrixXd::Zero(curve_n.size(), curve_n.size());
   for (const Site& site : sites_) {
     errors_.noise.block(site.first_row, site.first_row, site.rows(), site.rows()) =

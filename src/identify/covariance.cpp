@@ -32,43 +32,89 @@ double computeLevel(const Eigen::VectorXd& force_n) {
 
 namespace {
 
-/// Cells of the way in which references are compared.
+/// Cells of the way in which references are compared; procedures are the same if all corners lie as near as that.
 constexpr double kGridM = 0.04;
 /// So long a rest is unrolled, at this speed. What blocks do when the hoist stops is over by then.
 constexpr double kRestS = 4.0, kRestMps = 0.08;
 
-/// When the hoist stands still before it goes on, and where.
-struct Rest {
-  double start_s, way_m;
-};
-
-std::vector<Rest> restsOf(const HoistPath& path) {
-  constexpr double kShortestS = 1.0;
-  std::vector<Rest> rests;
-  for (std::size_t k = 0; k + 2 < path.time_s.size(); ++k) {
-    if (path.height_m[k + 1] != path.height_m[k] || path.time_s[k + 1] - path.time_s[k] < kShortestS) continue;
-    rests.push_back({path.time_s[k], path.height_m[k]});
+/// Corners of a path at which the speed changes by more than half. Before the first, the hoist stood.
+std::vector<std::size_t> turnsOf(const HoistPath& path) {
+  std::vector<std::size_t> turns;
+  double before = 0.0;
+  for (std::size_t k = 0; k + 1 < path.time_s.size(); ++k) {
+    const double after = (path.height_m[k + 1] - path.height_m[k]) / (path.time_s[k + 1] - path.time_s[k]);
+    if (std::abs(after - before) >= 0.5 * std::max(std::abs(after), std::abs(before))) {
+      turns.push_back(k);
+    }
+    before = after;
   }
-  return rests;
+  return turns;
 }
 
-bool isAt(const Rest& rest, double way_m) {
-  return std::abs(rest.way_m - way_m) < kGridM;
+/// 1 up, -1 down, 0 at rest.
+int directionOf(const HoistStage& stage) {
+  const double way_m = stage.end_m - stage.start_m;
+  return std::abs(way_m) < 0.5 * kGridM ? 0 : way_m > 0.0 ? 1 : -1;
+}
+
+/// Place at which each stage begins.
+std::vector<double> startPlaces(const std::vector<HoistStage>& procedure) {
+  std::vector<double> places{0.0};
+  for (const HoistStage& stage : procedure) {
+    places.push_back(places.back() +
+                     (directionOf(stage) == 0 ? kRestMps * kRestS : std::abs(stage.end_m - stage.start_m)));
+  }
+  places.pop_back();
+  return places;
+}
+
+/// Place at which a procedure comes by a way for the first time.
+double firstPlace(const std::vector<HoistStage>& procedure, const std::vector<double>& start_places, double way_m) {
+  double place = way_m;
+  for (std::size_t k = 0; k < procedure.size(); ++k) {
+    if (directionOf(procedure[k]) != 1) continue;
+    place = start_places[k] + way_m - procedure[k].start_m;
+    if (way_m <= procedure[k].end_m) break;
+  }
+  return place;
 }
 
 }  // namespace
 
-Eigen::VectorXd unrollWay(const std::vector<double>& rests_m, const HoistPath& path, const Eigen::VectorXd& time_s,
-                          const Eigen::VectorXd& way_m) {
+std::vector<HoistStage> stagesOf(const HoistPath& path) {
+  std::vector<HoistStage> stages;
+  for (const std::size_t k : turnsOf(path)) {
+    if (!stages.empty()) stages.back().end_m = path.height_m[k];
+    stages.push_back({path.time_s[k], path.height_m[k], path.height_m.back()});
+  }
+  if (!stages.empty() && directionOf(stages.back()) == 0) stages.pop_back();
+  return stages;
+}
+
+bool isSameProcedure(const std::vector<HoistStage>& a, const std::vector<HoistStage>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const HoistStage& one, const HoistStage& other) {
+    return std::abs(one.start_m - other.start_m) < kGridM && directionOf(one) == directionOf(other);
+  });
+}
+
+Eigen::VectorXd unrollWay(const std::vector<HoistStage>& procedure, const HoistPath& path,
+                          const Eigen::VectorXd& time_s, const Eigen::VectorXd& way_m) {
   assert(time_s.size() == way_m.size());
-  const std::vector<Rest> rests = restsOf(path);
-  Eigen::VectorXd unrolled = way_m;
-  for (const double rest_m : rests_m) {
-    const auto own = std::find_if(rests.begin(), rests.end(), [&](const Rest& rest) { return isAt(rest, rest_m); });
-    for (Eigen::Index i = 0; i < unrolled.size(); ++i) {
-      const double rested_s = own != rests.end() ? time_s[i] - own->start_s : way_m[i] > rest_m ? kRestS : 0.0;
-      unrolled[i] += kRestMps * std::clamp(rested_s, 0.0, kRestS);
-    }
+  if (procedure.empty()) return way_m;
+  const std::vector<HoistStage> own = stagesOf(path);
+  const std::vector<double> start_places = startPlaces(procedure);
+  Eigen::VectorXd unrolled(way_m.size());
+  if (!isSameProcedure(own, procedure)) {
+    for (Eigen::Index i = 0; i < way_m.size(); ++i) unrolled[i] = firstPlace(procedure, start_places, way_m[i]);
+    return unrolled;
+  }
+  for (Eigen::Index i = 0; i < way_m.size(); ++i) {
+    std::size_t k = 0;
+    while (k + 1 < own.size() && own[k + 1].start_s <= time_s[i]) ++k;
+    const int direction = directionOf(own[k]);
+    const double moved_m = way_m[i] - own[k].start_m;
+    unrolled[i] = start_places[k] +
+                  (direction == 0 ? kRestMps * std::min(time_s[i] - own[k].start_s, kRestS) : direction * moved_m);
   }
   return unrolled;
 }
@@ -78,7 +124,7 @@ Eigen::VectorXd computeKnownShare(const Discrepancy& d, const HoistPath& path, c
   assert(time_s.size() == way_m.size());
   Eigen::VectorXd share = Eigen::VectorXd::Zero(time_s.size());
   if (!d.fromReferences()) return share;
-  const Eigen::VectorXd place_m = unrollWay(d.rest_way_m, path, time_s, way_m);
+  const Eigen::VectorXd place_m = unrollWay(d.procedure, path, time_s, way_m);
   for (Eigen::Index i = 0; i < share.size(); ++i) {
     if (time_s[i] > 0.0) share[i] = valueOfBrokenLine(d.way_m, d.mean_share, place_m[i]);
   }
@@ -114,20 +160,6 @@ double computeIceFactor(const Discrepancy& d, const IceValues& ice, const IceVal
 
 namespace {
 
-/// Corners of a path at which the speed changes by more than half. Before the first, the hoist stood.
-std::vector<std::size_t> turnsOf(const HoistPath& path) {
-  std::vector<std::size_t> turns;
-  double before = 0.0;
-  for (std::size_t k = 0; k + 1 < path.time_s.size(); ++k) {
-    const double after = (path.height_m[k + 1] - path.height_m[k]) / (path.time_s[k + 1] - path.time_s[k]);
-    if (std::abs(after - before) >= 0.5 * std::max(std::abs(after), std::abs(before))) {
-      turns.push_back(k);
-    }
-    before = after;
-  }
-  return turns;
-}
-
 /// The strongest directions of centred curves, one per column; a curve is a row.
 Eigen::MatrixXd findModes(const Eigen::MatrixXd& centred, Eigen::Index count) {
   return Eigen::JacobiSVD<Eigen::MatrixXd>(centred, Eigen::ComputeThinV).matrixV().leftCols(count);
@@ -157,18 +189,6 @@ bool holds(const std::vector<double>& ways, double way) {
   return std::any_of(ways.begin(), ways.end(), [&](double other) { return std::abs(other - way) < kGridM; });
 }
 
-/// Those ways of the first lift that all lifts have.
-template <typename WaysOf>
-std::vector<double> findCommon(const std::vector<ReferenceLift>& lifts, const WaysOf& ways_of) {
-  std::vector<double> common;
-  for (const double way : ways_of(lifts.front().path)) {
-    const bool all = std::all_of(lifts.begin(), lifts.end(),
-                                 [&](const ReferenceLift& lift) { return holds(ways_of(lift.path), way); });
-    if (all) common.push_back(way);
-  }
-  return common;
-}
-
 }  // namespace
 
 Discrepancy learnDiscrepancy(const std::vector<ReferenceLift>& lifts, const Discrepancy& before) {
@@ -179,27 +199,23 @@ Discrepancy learnDiscrepancy(const std::vector<ReferenceLift>& lifts, const Disc
   learned.sigma_share.clear();
   learned.modes_share.clear();
   learned.turn_way_m.clear();
-  learned.rest_way_m.clear();
+  learned.procedure.clear();
   learned.ice.clear();
   learned.known_rest_share.reset();
   for (const ReferenceLift& lift : lifts) learned.ice.push_back(lift.ice);
 
-  const auto restWays = [](const HoistPath& path) {
-    std::vector<double> ways;
-    for (const Rest& rest : restsOf(path)) ways.push_back(rest.way_m);
-    return ways;
-  };
-  for (const double way : findCommon(lifts, restWays)) {
-    // A rest at the same way again counts as the first.
-    if (!holds(learned.rest_way_m, way)) learned.rest_way_m.push_back(way);
-  }
+  const std::vector<HoistStage> procedure = stagesOf(lifts.front().path);
+  const bool alike = std::all_of(lifts.begin(), lifts.end(), [&](const ReferenceLift& lift) {
+    return isSameProcedure(stagesOf(lift.path), procedure);
+  });
+  if (alike) learned.procedure = procedure;
 
   // Means of each lift in each cell that all of them cover, and what is left in a cell.
   double covered = std::numeric_limits<double>::infinity();
   std::vector<Eigen::VectorXd> place_m;
   for (const ReferenceLift& lift : lifts) {
     const auto bins = static_cast<Eigen::Index>(lift.way_m.size());
-    place_m.push_back(unrollWay(learned.rest_way_m, lift.path,
+    place_m.push_back(unrollWay(learned.procedure, lift.path,
                                 Eigen::Map<const Eigen::VectorXd>(lift.time_s.data(), bins),
                                 Eigen::Map<const Eigen::VectorXd>(lift.way_m.data(), bins)));
     covered = std::min(covered, place_m.back().maxCoeff());
@@ -284,7 +300,12 @@ Discrepancy learnDiscrepancy(const std::vector<ReferenceLift>& lifts, const Disc
   }
   if (rests > 2.0) learned.known_rest_share = std::sqrt(squares / rests);
 
-  learned.turn_way_m = findCommon(lifts, findTurns);
+  // Turns of the first lift that all lifts have.
+  for (const double way : findTurns(lifts.front().path)) {
+    const bool common = std::all_of(lifts.begin(), lifts.end(),
+                                    [&](const ReferenceLift& lift) { return holds(findTurns(lift.path), way); });
+    if (common) learned.turn_way_m.push_back(way);
+  }
   return learned;
 }
 
@@ -330,7 +351,7 @@ Eigen::MatrixXd computeDiscrepancyCovariance(const Discrepancy& d, const Observa
   const Eigen::Index n = o.time_s.size();
   const double peak = ice_force_n.cwiseAbs().maxCoeff(), level = computeLevel(ice_force_n);
   Eigen::VectorXd place(n), smooth(n), rough(n), rest(n), turn = Eigen::VectorXd::Zero(n);
-  const Eigen::VectorXd unrolled_m = unrollWay(d.rest_way_m, o.path, o.time_s, o.way_m);
+  const Eigen::VectorXd unrolled_m = unrollWay(d.procedure, o.path, o.time_s, o.way_m);
   for (Eigen::Index i = 0; i < n; ++i) {
     const bool moving = o.time_s[i] > 0.0;
     place[i] = placeOf(d, o, i);

@@ -34,11 +34,11 @@ bool mustBeConfirmed(const std::vector<Model>& models, std::size_t k, const Mode
 
 Identification Chain::run() {
   Identification result;
-  result.discrepancy = discrepancy_;
   for (const NamedRecord& record : input_.records) {
     sites_.push_back(makeSite(record));
     sites_.back().record = records_++;
   }
+  result.discrepancy = *sites_.front().discrepancy;
   addLateralSites();
   ice_ = iceUnknowns(sites_.front().curves.record);
   simulateBaseline();
@@ -84,7 +84,7 @@ Identification Chain::run() {
   result.chi2_per_bin = chi2PerBin(baseline);
   result.portmanteau_p = computeLjungBox(whitened(baseline), kPortmanteauLags);
   result.kappa = baseline.fit.kappa;
-  result.ice_factor = ice_factor_;
+  result.ice_factor = iceFactor(sites_.front());
   decide(result, sites_.front().curves.report, thresholds_);
 
   addCurves(baseline, result.accepted ? &models[*result.accepted] : nullptr, result);
@@ -206,35 +206,81 @@ std::optional<ReferenceLift> Chain::reference(bool simulate) {
   return lift;
 }
 
+namespace {
+
+/// Below that they are not worth having on their own.
+constexpr std::size_t kEnoughReferences = 6;
+
+/// Which references teach what: those of a record's procedure where there are enough of them, all otherwise. All come
+/// last.
+std::vector<std::vector<NamedRecord>> groupReferences(const IdentifyInput& input) {
+  std::vector<std::vector<HoistStage>> procedures;
+  for (const NamedRecord& reference : input.references) {
+    procedures.push_back(stagesOf(readCurves(reference).observation.path));
+  }
+  std::vector<NamedRecord> records = input.records;
+  if (input.holdout) records.push_back(*input.holdout);
+  std::vector<std::vector<HoistStage>> met;
+  std::vector<std::vector<NamedRecord>> groups;
+  bool all = false;
+  for (const NamedRecord& record : records) {
+    const Observation observation = readCurves(record).observation;
+    const std::vector<HoistStage> own = stagesOf(observation.path);
+    const auto isOwn = [&](const std::vector<HoistStage>& other) { return isSameProcedure(own, other); };
+    if (!observation.ice_contact || std::any_of(met.begin(), met.end(), isOwn)) continue;
+    met.push_back(own);
+    std::vector<NamedRecord> group;
+    for (std::size_t i = 0; i < procedures.size(); ++i) {
+      if (isOwn(procedures[i])) group.push_back(input.references[i]);
+    }
+    const bool enough = group.size() >= kEnoughReferences && group.size() < procedures.size();
+    if (enough) groups.push_back(group);
+    all = all || !enough;
+  }
+  if (all || groups.empty()) groups.push_back(input.references);
+  return groups;
+}
+
+/// What is left of references depends on how much the fit allows for. It starts with little, so that the ice has to
+/// explain what it can, and settles within a few passes; in the last, the refitted ice is simulated, as it will be for
+/// the record.
+Discrepancy learnFrom(const std::vector<NamedRecord>& references, RunLibrary& runs, const Thresholds& thresholds,
+                      const Discrepancy& before) {
+  constexpr int kLearningPasses = 3;
+  constexpr double kLittle = 0.03;
+  std::vector<Discrepancy> learned{before};
+  learned[0].share = kLittle;
+  learned[0].share_of_peak = 0.0;
+  for (int pass = 0; pass < kLearningPasses; ++pass) {
+    std::vector<ReferenceLift> lifts;
+    for (const NamedRecord& record : references) {
+      IdentifyInput reference;
+      reference.records.push_back(record);
+      const bool last = pass + 1 == kLearningPasses;
+      if (auto lift = Chain(reference, runs, thresholds, learned).reference(last)) lifts.push_back(*lift);
+    }
+    if (lifts.empty()) throw ConfigError("", "", "no reference shows ice", references.front().path);
+    learned[0] = learnDiscrepancy(lifts, learned[0]);
+  }
+  learned[0].share = before.share;
+  learned[0].share_of_peak = kReferenceFloor;
+  return learned[0];
+}
+
+}  // namespace
+
 Identification identify(const IdentifyInput& input, RunLibrary& runs, const Thresholds& thresholds,
                         const Discrepancy& discrepancy) {
   const auto start = std::chrono::steady_clock::now();
-  Identification result;
-  result.discrepancy = discrepancy;
+  std::vector<Discrepancy> discrepancies;
   if (!input.references.empty()) {
-    // What is left depends on how much the fit allows for. It starts with little, so that the ice has to explain what
-    // it can, and settles within a few passes; in the last, the refitted ice is simulated, as it will be for the
-    // record.
-    constexpr int kLearningPasses = 3;
-    constexpr double kLittle = 0.03;
-    result.discrepancy.share = kLittle;
-    result.discrepancy.share_of_peak = 0.0;
-    for (int pass = 0; pass < kLearningPasses; ++pass) {
-      std::vector<ReferenceLift> lifts;
-      for (const NamedRecord& record : input.references) {
-        IdentifyInput reference;
-        reference.records.push_back(record);
-        const bool last = pass + 1 == kLearningPasses;
-        if (auto lift = Chain(reference, runs, thresholds, result.discrepancy).reference(last)) lifts.push_back(*lift);
-      }
-      if (lifts.empty()) throw ConfigError("", "", "no reference shows ice", input.references.front().path);
-      result.discrepancy = learnDiscrepancy(lifts, result.discrepancy);
+    for (const std::vector<NamedRecord>& group : groupReferences(input)) {
+      discrepancies.push_back(learnFrom(group, runs, thresholds, discrepancy));
     }
-    result.discrepancy.share = discrepancy.share;
-    result.discrepancy.share_of_peak = kReferenceFloor;
+  } else {
+    discrepancies.push_back(discrepancy);
   }
-  const Discrepancy learned = result.discrepancy;
-  result = Chain(input, runs, thresholds, learned).run();
+  Identification result = Chain(input, runs, thresholds, discrepancies).run();
   result.runs_needed = runs.requested();
   result.runs_made = runs.made();
   result.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

@@ -182,6 +182,7 @@ std::string toJson(const Identification& id, const Thresholds& t) {
   for (const auto& [name, value] : t.own) json["thresholds"]["own." + name] = value;
   json["noise"] = {{"white_n", first.observation.noise.white_n}, {"slow_n", first.observation.noise.slow_n}};
   json["discrepancy"] = {{"from_references", d.fromReferences()},
+                         {"references", d.ice.size()},
                          {"share", d.share},
                          {"share_of_peak", d.share_of_peak},
                          {"length_m", d.length_m},

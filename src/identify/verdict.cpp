@@ -257,6 +257,15 @@ void describe(Identification& result, const Thresholds& thresholds) {
     text.push_back("The fitted ice is unlike that of the references. What the model is off there is known less well: " +
                    shortNumber(result.ice_factor) + " times the variance is allowed for.");
   }
+  for (const auto* records : {&result.records, &result.holdout}) {
+    for (const RecordCurves& r : *records) {
+      if (!result.discrepancy.fromReferences() || r.procedure_known || !r.observation.ice_contact) continue;
+      text.push_back(r.path +
+                     ": too few references start, stop and turn where this record does (six are asked for, "
+                     "within 4 cm). What the model is off there is taken from the way alone; lifts of the same "
+                     "procedure that lack nothing would tell.");
+    }
+  }
   const auto propose = [&](const std::string& name, std::vector<std::string> separates) {
     const EffectDescription* effect = findEffect(name);
     if (effect == nullptr || std::string(effect->how_to_tell).empty()) return;

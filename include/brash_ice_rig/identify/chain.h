@@ -36,6 +36,10 @@ struct IceUnknown {
 
 std::vector<IceUnknown> iceUnknowns(const Record& record);
 
+/// A record with what was found in it and how it is compared.
+/// @throws ConfigError if nothing can be identified from it
+RecordCurves readCurves(const NamedRecord& named);
+
 /// One below the other.
 Eigen::VectorXd stacked(const std::vector<Eigen::VectorXd>& parts);
 
@@ -44,11 +48,12 @@ struct Site {
   RecordCurves curves;
   std::size_t record = 0;               ///< whose own unknowns it has
   std::optional<double> direction_rad;  ///< of a lateral channel, from x towards y
-  Scenario scenario;                    ///< of the baseline as given
-  Eigen::VectorXd mean_n, chaos_n;      ///< of the baseline as given, as simulated
-  Eigen::VectorXd known_share;          ///< what the simulator is known to be off, over the level of its force
-  Eigen::VectorXd start_n;              ///< the baseline as given with that
-  Eigen::MatrixXd slopes;               ///< a column per unknown of the baseline that this record has: ice, gap, clock
+  const Discrepancy* discrepancy = nullptr;
+  Scenario scenario;                ///< of the baseline as given
+  Eigen::VectorXd mean_n, chaos_n;  ///< of the baseline as given, as simulated
+  Eigen::VectorXd known_share;      ///< what the simulator is known to be off, over the level of its force
+  Eigen::VectorXd start_n;          ///< the baseline as given with that
+  Eigen::MatrixXd slopes;           ///< a column per unknown of the baseline that this record has: ice, gap, clock
   Eigen::Index first_row = 0;
 
   const Observation& observation() const { return curves.observation; }
@@ -102,8 +107,10 @@ inline double score(const Model& m) {
 /// them, chain_holdout.cpp the held-out record; identification.cpp puts them one after the other.
 class Chain {
  public:
-  Chain(const IdentifyInput& input, RunLibrary& runs, const Thresholds& thresholds, const Discrepancy& discrepancy)
-      : input_(input), runs_(runs), thresholds_(thresholds), discrepancy_(discrepancy) {}
+  /// @param discrepancies  at least one; a record goes with that of its procedure, or with the last
+  Chain(const IdentifyInput& input, RunLibrary& runs, const Thresholds& thresholds,
+        const std::vector<Discrepancy>& discrepancies)
+      : input_(input), runs_(runs), thresholds_(thresholds), discrepancies_(discrepancies) {}
 
   Identification run();
 
@@ -117,7 +124,7 @@ class Chain {
                       int seed) const;
   Eigen::Index unknowns() const { return kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(records_); }
   SimulatedForce corrected(const Site& site, const std::string& key) const {
-    return correctKnownDiscrepancy(discrepancy_, site.observation().path, runs_.force(key));
+    return correctKnownDiscrepancy(*site.discrepancy, site.observation().path, runs_.force(key));
   }
   SimulatedForce asRead(SimulatedForce force, const Scenario& scenario, const Eigen::VectorXd& x,
                         const std::vector<const Variant*>& variants) const;
@@ -130,6 +137,7 @@ class Chain {
     double step;
   };
   std::vector<Slope> slopesOf(const Site& site) const;
+  double iceFactor(const Site& site) const { return computeIceFactor(*site.discrepancy, ice_at_, ice_sigma_); }
   std::string requestBaseline(const Site& site, int seed, Eigen::Index unknown = -1, double step = 0.0);
   void simulateBaseline();
   void readBaseline(Site& site);
@@ -175,7 +183,7 @@ class Chain {
   bool baseline_only_ = false;
   RunLibrary& runs_;
   const Thresholds& thresholds_;
-  const Discrepancy& discrepancy_;
+  const std::vector<Discrepancy>& discrepancies_;
   std::vector<Site> sites_;  ///< records first, then the lateral channels of the first one
   std::size_t records_ = 0;
   std::optional<double> lateral_direction_deg_;  ///< where most of the lateral force is
@@ -188,7 +196,7 @@ class Chain {
   std::map<const Variant*, double> located_log_odds_;  ///< of falls and swell: for having looked at many times
   Eigen::VectorXd data_;
   ErrorModel errors_;
-  double ice_factor_ = 1.0;  ///< that is in them
+  IceValues ice_at_, ice_sigma_;  ///< refitted ice for which they are, and what is believed of it
   Eigen::MatrixXd baseline_columns_;
   Eigen::VectorXd baseline_offset_;
   struct Predicted {

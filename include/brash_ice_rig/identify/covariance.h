@@ -12,6 +12,18 @@ namespace brash_ice_rig {
 /// Unknowns of the ice: void fraction, cohesion (Pa), friction angle (degrees).
 using IceValues = Eigen::Vector3d;
 
+/// What the hoist does from one start, stop or turn to the next.
+struct HoistStage {
+  double start_s, start_m, end_m;
+};
+
+/// The stages of a path but a rest at its end.
+std::vector<HoistStage> stagesOf(const HoistPath& path);
+
+/// Whether both start, stop and turn at the same ways, within 4 cm, and move the same way in between. How long they
+/// rest, and where the last stage ends, may differ.
+bool isSameProcedure(const std::vector<HoistStage>& a, const std::vector<HoistStage>& b);
+
 /// How far the simulator may be from nature where nothing is missing. Amplitudes are shares of the force that the ice
 /// exerts there, or of the largest one that is simulated; lengths are distances that the hoist covers.
 struct Discrepancy {
@@ -21,9 +33,9 @@ struct Discrepancy {
   /// a further lift is off beside both. As many places each, the way increasing. They take the place of `share`.
   std::vector<double> way_m, mean_share, sigma_share;
   std::vector<std::vector<double>> modes_share;
-  std::vector<double> turn_way_m;  ///< where references start, stop or turn, so that they show what that does
-  std::vector<double> rest_way_m;  ///< where all references stand still before they go on
-  std::vector<IceValues> ice;      ///< of the references, as fitted
+  std::vector<double> turn_way_m;     ///< where references start, stop or turn, so that they show what that does
+  std::vector<HoistStage> procedure;  ///< that all references have; empty if they differ, and all goes with the way
+  std::vector<IceValues> ice;         ///< of the references, as fitted
   /// How far they are off before the first motion, in the same shares; takes the place of `rest_share`.
   std::optional<double> known_rest_share;
   bool fromReferences() const { return !way_m.empty(); }
@@ -56,11 +68,13 @@ Eigen::MatrixXd computeNoiseCovariance(const ForceNoise& noise, const Eigen::Vec
 /// references refer. Swell and single blocks leave it as it is.
 double computeLevel(const Eigen::VectorXd& force_n);
 
-/// The way, going on where the hoist rests: what happens while it stands is at places of its own. The first 4 s of a
-/// rest that references have count 8 cm each second; a record without that rest leaves these places out.
-/// @param rests_m  ways of those rests  @param time_s  since the start of the motion  @param way_m  since then, as many
-Eigen::VectorXd unrollWay(const std::vector<double>& rests_m, const HoistPath& path, const Eigen::VectorXd& time_s,
-                          const Eigen::VectorXd& way_m);
+/// The way, going on where the hoist rests or goes down: each stage of the references' procedure has places of its own.
+/// The first 4 s of a rest count 8 cm each second. A record of another procedure has the places at which theirs comes
+/// by its way for the first time.
+/// @param procedure  of the references; without any it is the way
+/// @param time_s     since the start of the motion  @param way_m  of the collector since then, as many
+Eigen::VectorXd unrollWay(const std::vector<HoistStage>& procedure, const HoistPath& path,
+                          const Eigen::VectorXd& time_s, const Eigen::VectorXd& way_m);
 
 /// What references showed the simulator to be off, as shares of its level: zero without them and before the motion.
 /// @param path    of the hoist

@@ -692,13 +692,13 @@ Findings checkClock(const std::optional<ClockOffset>& clock, bool has_stops) {
   if (clock->sigma_s > kMaxOffsetSigmaS) {
     // Where the lift does not halt, an offset only shifts the curve a little, and the fit can carry it along.
     if (!has_stops) return {};
-    return {
-        {Severity::kRefuse, "clock_unknown", std::nullopt,
-         "the lift has stops, but the force does not tell when: an offset between the clocks of force and motion is "
-         "known to ± " +
-             seconds(clock->sigma_s) + " s only, at most ± " + number(kMaxOffsetSigmaS) + " s is allowed",
-         "record force and motion with one clock, or stop where the force still rises; without the stops the lift "
-         "could be used"}};
+    // A load cell that lags smears the stops: to refuse such a record would hide what it shows.
+    return {{Severity::kDegraded, "clock_unknown", std::nullopt,
+             "the lift has stops, but the force hardly tells when, as with noise or a load cell that lags: an offset "
+             "between the clocks of force and motion is known to ± " +
+                 seconds(clock->sigma_s) + " s only",
+             "an offset of that size stays possible in all that follows, and hides what delays the force a little; "
+             "record force and motion with one clock, or stop where the force still rises"}};
   }
   if (std::abs(clock->offset_s) < std::max(kMinOffsetS, kOffsetSigmas * clock->sigma_s)) return {};
   if (!clock->from_stops && clock->offset_s > 0.0) {

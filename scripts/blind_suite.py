@@ -11,7 +11,7 @@ ROOT = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
 GENERATOR = os.path.join(ROOT, "test", "blind", "make_records.py")
 PROGRAM_PLACES = ("devel/lib/brash_ice_rig/brash_ice", "build/brash_ice")
 SEALED = "sealed"
-REFERENCES = 24  # lifts that lack nothing, from which the tool learns what its simulator is off
+REFERENCES = 24  # of each procedure, which lack nothing: from them the tool learns what its simulator is off
 
 
 class Failure(Exception):
@@ -50,11 +50,12 @@ def make_records(directory, *arguments):
 
 
 def make_references(directory):
-    """Makes records of plain lifts that lack nothing, with seeds of their own; returns the paths of the copies."""
+    """Makes records of lifts that lack nothing, with seeds of their own; returns the paths of the copies, by procedure."""
     truth, records = os.path.join(directory, "truth", "references"), os.path.join(directory, "records", "references")
     make_records(truth, ["--nulls", str(REFERENCES)], "--purpose", "tune")
     copy_records(truth, records)
-    return [os.path.join(records, f"case_{number:04d}_fit.csv") for number in read_sealed(truth, "index")["lift"]]
+    return {procedure: [os.path.join(records, f"case_{number:04d}_fit.csv") for number in numbers]
+            for procedure, numbers in read_sealed(truth, "index").items()}
 
 
 def copy_records(directory, target):

@@ -350,15 +350,16 @@ class Programs(unittest.TestCase):
         return subprocess.run([sys.executable, "-B", os.path.join(SCRIPTS, script), *arguments, "--program",
                                self.program], capture_output=True, text=True, check=False, cwd=self.directory)
 
-    REFERENCES = " --reference case_0021_fit.csv --reference case_0022_fit.csv"
+    REFERENCES = {"lift": " --reference case_0021_fit.csv --reference case_0022_fit.csv",
+                  "stop_and_hold": " --reference case_0023_fit.csv", "lower_lift": " --reference case_0024_fit.csv"}
 
     def calls(self):
         with open(self.path("calls.txt"), encoding="utf-8") as stream:
             return stream.read().splitlines()
 
     def make_references(self, *place):
-        self.make_truth((*place, "truth", "references"), {"lift": [21, 22]},
-                        {f"case_00{number}_fit": sealed((), "none", effect_n=0.0) for number in (21, 22)})
+        self.make_truth((*place, "truth", "references"), {"lift": [21, 22], "stop_and_hold": [23], "lower_lift": [24]},
+                        {f"case_00{number}_fit": sealed((), "none", effect_n=0.0) for number in (21, 22, 23, 24)})
 
     def make_suite(self):
         self.make_references("work")
@@ -388,14 +389,33 @@ class Programs(unittest.TestCase):
         self.assertIn("two or more records: right or in a set of at most 3 | ≥ 90 % | 100 % | 1 of 1 | yes", text)
         self.assertEqual(len(self.calls()), 5)
         self.assertIn("case_1111_fit.csv case_1111_extra.csv --holdout case_1111_holdout.csv --out drainage_strong "
-                      "--cache cache" + self.REFERENCES, self.calls())
-        self.assertIn("case_1113_fit.csv --out lone_null_1113 --cache cache" + self.REFERENCES, self.calls())
+                      "--cache cache" + self.REFERENCES["lift"], self.calls())
+        for number, procedure in ((1113, "lift"), (1114, "stop_and_hold"), (1115, "lower_lift")):
+            self.assertIn(f"case_{number}_fit.csv --out lone_null_{number} --cache cache" + self.REFERENCES[procedure],
+                          self.calls())
 
         self.write({"1115": "none"}, "verdicts.json")
         done = self.validate()
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertEqual(len(self.calls()), 6)
         self.assertIn("missed: lone_null_1114", done.stderr)
+
+    def test_references_are_of_the_procedures_of_a_cases_records(self):
+        self.make_references("work")
+        made = sealed()
+        for name, number in (("rate_stop", 1121), ("bias_with_empty", 1122), ("lag_stop", 1123)):
+            self.make_truth(("work", "seed_1", "truth", name),
+                            {name: {"case": number, "null": 1130, "expected_verdict": "effect"}},
+                            {f"case_{number}_fit": made, f"case_{number}_holdout": made, "case_1130_fit": made,
+                             "case_1130_holdout": made})
+        self.write({"1121": "effect", "1122": "effect", "1123": "effect", "1130": "none"}, "verdicts.json")
+        done = self.call("validate", "--cases", "rate_stop,bias_with_empty,lag_stop", "--nulls", "0", "--work",
+                         self.path("work"))
+        self.assertEqual(done.returncode, 0, done.stderr)
+        for number, procedures in ((1121, ("lift", "stop_and_hold")), (1122, ("lift",)), (1123, ("stop_and_hold",))):
+            own = [call for call in self.calls() if call.startswith(f"case_{number}")]
+            self.assertEqual(len(own), 1)
+            self.assertTrue(own[0].endswith("--cache cache" + "".join(self.REFERENCES[p] for p in procedures)), own)
 
     def test_validate_names_bad_arguments(self):
         for arguments, message in ((["--cases", "no_such"], "no such case: no_such"), (["--nulls", "-1"], "--nulls -1"),
@@ -423,7 +443,7 @@ class Programs(unittest.TestCase):
         self.assertIn("What was in it: freeze_bonds, block_drop, drainage", done.stdout)
         self.assertIn(f"roslaunch brash_ice_rig pull_up.launch overlay:={self.path('demo', 'report', 'overlay.yaml')}",
                       done.stdout)
-        self.assertEqual(self.calls(), ["demo_fit.csv --holdout demo_holdout.csv --out report" + self.REFERENCES])
+        self.assertEqual(self.calls(), ["demo_fit.csv --holdout demo_holdout.csv --out report" + self.REFERENCES["lift"]])
         self.write({}, "verdicts.json")
         done = self.call("demo_identify", "--out", "demo")
         self.assertEqual(done.returncode, 1)

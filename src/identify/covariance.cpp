@@ -34,8 +34,9 @@ namespace {
 
 /// Cells of the way in which references are compared; procedures are the same if all corners lie as near as that.
 constexpr double kGridM = 0.04;
-/// So long a rest is unrolled, at this speed. What blocks do when the hoist stops is over by then.
-constexpr double kRestS = 4.0, kRestMps = 0.08;
+/// What rearranges while the hoist stands does so ever more slowly: a rest is unrolled by the logarithm of its time.
+/// The first quarter of a second is a cell, as is the last fifth of ten.
+constexpr double kRestM = 0.16, kRestS = 1.0;
 
 /// Corners of a path at which the speed changes by more than half. Before the first, the hoist stood.
 std::vector<std::size_t> turnsOf(const HoistPath& path) {
@@ -57,12 +58,17 @@ int directionOf(const HoistStage& stage) {
   return std::abs(way_m) < 0.5 * kGridM ? 0 : way_m > 0.0 ? 1 : -1;
 }
 
-/// Place at which each stage begins.
+double unrolledRest(double rested_s) {
+  return kRestM * std::log1p(rested_s / kRestS);
+}
+
+/// Place at which each stage begins, with a cell of its own.
 std::vector<double> startPlaces(const std::vector<HoistStage>& procedure) {
   std::vector<double> places{0.0};
   for (const HoistStage& stage : procedure) {
-    places.push_back(places.back() +
-                     (directionOf(stage) == 0 ? kRestMps * kRestS : std::abs(stage.end_m - stage.start_m)));
+    const double length_m =
+        directionOf(stage) == 0 ? unrolledRest(stage.duration_s) : std::abs(stage.end_m - stage.start_m);
+    places.push_back(kGridM * std::ceil((places.back() + length_m) / kGridM - 1e-9));
   }
   places.pop_back();
   return places;
@@ -84,8 +90,11 @@ double firstPlace(const std::vector<HoistStage>& procedure, const std::vector<do
 std::vector<HoistStage> stagesOf(const HoistPath& path) {
   std::vector<HoistStage> stages;
   for (const std::size_t k : turnsOf(path)) {
-    if (!stages.empty()) stages.back().end_m = path.height_m[k];
-    stages.push_back({path.time_s[k], path.height_m[k], path.height_m.back()});
+    if (!stages.empty()) {
+      stages.back().end_m = path.height_m[k];
+      stages.back().duration_s = path.time_s[k] - stages.back().start_s;
+    }
+    stages.push_back({path.time_s[k], path.time_s.back() - path.time_s[k], path.height_m[k], path.height_m.back()});
   }
   if (!stages.empty() && directionOf(stages.back()) == 0) stages.pop_back();
   return stages;
@@ -112,9 +121,8 @@ Eigen::VectorXd unrollWay(const std::vector<HoistStage>& procedure, const HoistP
     std::size_t k = 0;
     while (k + 1 < own.size() && own[k + 1].start_s <= time_s[i]) ++k;
     const int direction = directionOf(own[k]);
-    const double moved_m = way_m[i] - own[k].start_m;
-    unrolled[i] = start_places[k] +
-                  (direction == 0 ? kRestMps * std::min(time_s[i] - own[k].start_s, kRestS) : direction * moved_m);
+    const double rested_s = std::clamp(time_s[i] - own[k].start_s, 0.0, procedure[k].duration_s);
+    unrolled[i] = start_places[k] + (direction == 0 ? unrolledRest(rested_s) : direction * (way_m[i] - own[k].start_m));
   }
   return unrolled;
 }
@@ -199,16 +207,18 @@ Discrepancy learnDiscrepancy(const std::vector<ReferenceLift>& lifts, const Disc
   learned.sigma_share.clear();
   learned.modes_share.clear();
   learned.turn_way_m.clear();
-  learned.procedure.clear();
   learned.ice.clear();
   learned.known_rest_share.reset();
   for (const ReferenceLift& lift : lifts) learned.ice.push_back(lift.ice);
 
-  const std::vector<HoistStage> procedure = stagesOf(lifts.front().path);
-  const bool alike = std::all_of(lifts.begin(), lifts.end(), [&](const ReferenceLift& lift) {
-    return isSameProcedure(stagesOf(lift.path), procedure);
-  });
-  if (alike) learned.procedure = procedure;
+  learned.procedure = stagesOf(lifts.front().path);
+  for (const ReferenceLift& lift : lifts) {
+    const std::vector<HoistStage> stages = stagesOf(lift.path);
+    if (!isSameProcedure(stages, learned.procedure)) learned.procedure.clear();
+    for (std::size_t k = 0; k < learned.procedure.size(); ++k) {
+      learned.procedure[k].duration_s = std::min(learned.procedure[k].duration_s, stages[k].duration_s);
+    }
+  }
 
   // Means of each lift in each cell that all of them cover, and what is left in a cell.
   double covered = std::numeric_limits<double>::infinity();

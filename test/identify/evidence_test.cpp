@@ -259,31 +259,36 @@ ReferenceLift makeReference(double multiple, double ripple) {
   return lift;
 }
 
-TEST(Covariance, ARestThatReferencesHaveIsUnrolledForFourSeconds) {
+TEST(Covariance, ARestThatReferencesHaveIsUnrolledByTheLogarithmOfItsTime) {
+  // Up 0.5 m, 10 s of rest, up. Each stage begins at the next whole cell of 4 cm: the rest at 0.52 m, the way on 0.16 m
+  // times ln 11 later, which is 0.90 m.
   const HoistPath stops{{0.0, 10.0, 20.0, 30.0}, {0.0, 0.5, 0.5, 1.0}}, lifts{{0.0, 20.0}, {0.0, 1.0}};
+  const auto rest = [](double rested_s) { return 0.52 + 0.16 * std::log(1.0 + rested_s); };
   const Eigen::Vector4d time_s(5.0, 12.0, 15.0, 25.0), way_m(0.25, 0.5, 0.5, 0.75);
-  EXPECT_LT((unrollWay(stagesOf(stops), stops, time_s, way_m) - Eigen::Vector4d(0.25, 0.66, 0.82, 1.07)).norm(), 1e-12);
+  EXPECT_LT(
+      (unrollWay(stagesOf(stops), stops, time_s, way_m) - Eigen::Vector4d(0.25, rest(2.0), rest(5.0), 1.17)).norm(),
+      1e-12);
   EXPECT_LT((unrollWay(stagesOf(lifts), stops, time_s, way_m) - way_m).norm(), 1e-12) << "no reference rests there";
   EXPECT_EQ(unrollWay({}, stops, time_s, way_m), way_m) << "references of many procedures";
   const Eigen::Vector2d moving_s(8.0, 12.0), moved_m(0.4, 0.6);
-  EXPECT_LT((unrollWay(stagesOf(stops), lifts, moving_s, moved_m) - Eigen::Vector2d(0.4, 0.92)).norm(), 1e-12)
+  EXPECT_LT((unrollWay(stagesOf(stops), lifts, moving_s, moved_m) - Eigen::Vector2d(0.4, 1.02)).norm(), 1e-12)
       << "a lift without the rest leaves its places out";
 }
 
 TEST(Covariance, AWayThatIsCoveredTwiceHasPlacesForEachTime) {
-  // Up 0.7 m, 2 s of rest, down 0.2 m, and up again at once; in the record 0.01 m higher, and with 6 s of rest.
+  // Up 0.7 m, 2 s of rest, down 0.2 m, and up again at once; in the record 0.01 m higher, and with 6 s of rest, of
+  // which references know two. The rest begins at 0.72 m, the way down at 0.92 m, the last one at 1.12 m.
   const HoistPath procedure{{0.0, 14.0, 16.0, 20.0, 40.0}, {0.0, 0.7, 0.7, 0.5, 1.5}};
   const HoistPath record{{0.0, 14.2, 20.2, 24.2, 44.2}, {0.0, 0.71, 0.71, 0.51, 1.51}};
   Eigen::VectorXd time_s(5), way_m(5), expected(5);
   time_s << 10.0, 19.0, 22.2, 26.2, 34.2;
   way_m << 0.5, 0.71, 0.61, 0.61, 1.01;
-  // The rest is 0.32 m long, the way down 0.2 m.
-  expected << 0.5, 0.7 + 0.32, 1.02 + 0.1, 1.22 + 0.1, 1.22 + 0.5;
+  expected << 0.5, 0.72 + 0.16 * std::log(3.0), 1.02, 1.22, 1.62;
   EXPECT_LT((unrollWay(stagesOf(procedure), record, time_s, way_m) - expected).norm(), 1e-12);
   // A plain lift comes by 0.6 m once, as the procedure does for the first time, and by 1 m after all of it.
   const HoistPath lift{{0.0, 30.0}, {0.0, 1.5}};
   EXPECT_LT((unrollWay(stagesOf(procedure), lift, Eigen::Vector2d(12.0, 20.0), Eigen::Vector2d(0.6, 1.0)) -
-             Eigen::Vector2d(0.6, 1.22 + 0.5))
+             Eigen::Vector2d(0.6, 1.62))
                 .norm(),
             1e-12);
 }
@@ -313,13 +318,14 @@ TEST(Covariance, WhatTheSimulatorDoesWhileTheHoistRestsIsLearned) {
     return lift;
   };
   const Discrepancy learned = learnDiscrepancy({rested(6.0, 0.09), rested(9.0, 0.11)}, Discrepancy());
-  EXPECT_EQ(learned.procedure.size(), 3u);
+  ASSERT_EQ(learned.procedure.size(), 3u);
+  EXPECT_EQ(learned.procedure[1].duration_s, 6.0) << "as long as all of them rest";
   const ReferenceLift other = rested(14.0, 0.1);
   const Eigen::Map<const Eigen::VectorXd> time_s(other.time_s.data(), static_cast<Eigen::Index>(other.time_s.size())),
       way_m(other.way_m.data(), time_s.size());
   const Eigen::VectorXd share = computeKnownShare(learned, other.path, time_s, way_m);
   for (Eigen::Index i = 0; i < share.size(); ++i) {
-    // Cells are half a second long, and between them lines are straight.
+    // Cells are a quarter of a second long at first, and between them lines are straight.
     if (time_s[i] < 9.0 || time_s[i] > 10.5)
       EXPECT_NEAR(share[i], time_s[i] < 24.0 ? off(time_s[i] - 10.0) : 0.0, 0.006);
   }

@@ -14,7 +14,7 @@ using IceValues = Eigen::Vector3d;
 
 /// What the hoist does from one start, stop or turn to the next.
 struct HoistStage {
-  double start_s, start_m, end_m;
+  double start_s, duration_s, start_m, end_m;
 };
 
 /// The stages of a path but a rest at its end.
@@ -34,7 +34,7 @@ struct Discrepancy {
   std::vector<double> way_m, mean_share, sigma_share;
   std::vector<std::vector<double>> modes_share;
   std::vector<double> turn_way_m;     ///< where references start, stop or turn, so that they show what that does
-  std::vector<HoistStage> procedure;  ///< that all references have; empty if they differ, and all goes with the way
+  std::vector<HoistStage> procedure;  ///< of all references, in their shortest durations; empty if procedures differ
   std::vector<IceValues> ice;         ///< of the references, as fitted
   /// How far they are off before the first motion, in the same shares; takes the place of `rest_share`.
   std::optional<double> known_rest_share;
@@ -69,9 +69,9 @@ Eigen::MatrixXd computeNoiseCovariance(const ForceNoise& noise, const Eigen::Vec
 double computeLevel(const Eigen::VectorXd& force_n);
 
 /// The way, going on where the hoist rests or goes down: each stage of the references' procedure has places of its own.
-/// The first 4 s of a rest count 8 cm each second. A record of another procedure has the places at which theirs comes
-/// by its way for the first time.
-/// @param procedure  of the references; without any it is the way
+/// A rest goes on with the logarithm of its time, as far as references rest. A record of another procedure has the
+/// places at which theirs comes by its way for the first time.
+/// @param procedure  of the references; without any all goes with the way
 /// @param time_s     since the start of the motion  @param way_m  of the collector since then, as many
 Eigen::VectorXd unrollWay(const std::vector<HoistStage>& procedure, const HoistPath& path,
                           const Eigen::VectorXd& time_s, const Eigen::VectorXd& way_m);

@@ -77,7 +77,6 @@ void Chain::addEffect(Model& model, const Variant& v) const {
   const auto located = located_log_odds_.find(&v);
   if (located != located_log_odds_.end()) model.shape_log_odds += located->second;
   model.simulated = false;
-  model.passes = 0;
 }
 
 /// The baseline with one effect or none, as straight lines.
@@ -109,8 +108,7 @@ Eigen::VectorXd Chain::clipped(const Model& model, Eigen::VectorXd x) const {
   return x;
 }
 
-/// The force of a model at x in all bins, mean over two arrangements of the blocks, in each pass others; none where the
-/// world freezes.
+/// The force of a model at x in all bins, mean over the pairs' seeds; none where the world freezes.
 std::optional<Eigen::VectorXd> Chain::simulated(const Model& model, const Eigen::VectorXd& x, bool request_only) {
   std::vector<Eigen::VectorXd> parts;
   const bool sideways = actsSideways(model);
@@ -118,8 +116,7 @@ std::optional<Eigen::VectorXd> Chain::simulated(const Model& model, const Eigen:
     Eigen::VectorXd mean = Eigen::VectorXd::Zero(site.rows());
     const int seeds = site.direction_rad && !sideways ? 0 : site.observation().ice_contact ? kPairs : 1;
     const double delay = x[site.own() + 1];
-    for (int k = 1; k <= seeds; ++k) {
-      const int seed = site.observation().ice_contact ? model.passes * kPairs + k : 1;
+    for (int seed = 1; seed <= seeds; ++seed) {
       const Scenario s = scenarioAt(site, x, model.variants, seed);
       try {
         s.validate();
@@ -136,8 +133,7 @@ std::optional<Eigen::VectorXd> Chain::simulated(const Model& model, const Eigen:
   return stacked(parts);
 }
 
-/// Gauss-Newton with the slopes of the signatures: simulate where the fit is, and fit again around the mean of what was
-/// simulated so far. Ice that is a little different arranges its blocks anew, so that one pass is as good as another.
+/// Gauss-Newton with the slopes of the signatures: simulate where the fit is, and fit again around that.
 void Chain::confirm(const std::vector<Model*>& models, const std::string& what) {
   for (Model* model : models) {
     if (model->frozen) continue;
@@ -154,10 +150,7 @@ void Chain::confirm(const std::vector<Model*>& models, const std::string& what) 
     }
     model->simulated = true;
     model->curve_n = *curve;
-    const Eigen::VectorXd offset = *curve - linearModel(*model).columns * model->x;
-    if (model->passes == 0) model->offset = offset;
-    ++model->passes;
-    model->offset += (offset - model->offset) / model->passes;
+    model->offset = *curve - linearModel(*model).columns * model->x;
     refit(*model);
   }
 }

@@ -53,7 +53,6 @@ Identification Chain::run() {
   confirm({&baseline}, "baseline refitted");
   if (baseline.frozen) throw ConfigError("", "", "the simulation of the refitted ice freezes", input_.records[0].path);
   baseline_offset_ = baseline.offset;
-  baseline.passes = 0;  // that was far from where the fit leads
   setErrors(baseline.curve_n, baseline.x);
   refit(baseline);
   if (!input_.screen_only) locate(baseline, "falls and swell");
@@ -98,7 +97,6 @@ Identification Chain::run() {
 void Chain::startAgain(Model& baseline, const std::vector<Model>& models) {
   if (models.empty() || !models.front().simulated || isHopeless(models.front(), baseline)) return;
   Model again = baseline;
-  again.passes = 0;
   again.fit.x = models.front().fit.x.head(unknowns());
   // All passes before it may count: after the first one it is simulated at the ice of another model.
   for (int pass = 0; pass < kPasses; ++pass) confirm({&again}, "baseline from the ice of the best explanation");

@@ -76,7 +76,7 @@ struct Site {
   }
 };
 
-/// A model around the points where it was simulated.
+/// A model at the point where it was simulated last.
 struct Model {
   std::vector<const Variant*> variants;
   double screened = 0.0;        ///< ln of the Bayes factor before anything was simulated
@@ -89,7 +89,6 @@ struct Model {
   std::vector<UnknownDensity> other_shapes;  ///< the same of the effect's other shapes, as screened
   Eigen::VectorXd x;                         ///< at which it was simulated
   Eigen::VectorXd curve_n;                   ///< simulated there
-  int passes = 0;                            ///< simulations whose mean the offset is
   bool simulated = false, frozen = false;
 };
 

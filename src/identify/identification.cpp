@@ -206,13 +206,6 @@ std::optional<ReferenceLift> Chain::reference(bool simulate) {
   return lift;
 }
 
-namespace {
-
-/// Below that they are not worth having on their own.
-constexpr std::size_t kEnoughReferences = 6;
-
-/// Which references teach what: those of a record's procedure where there are enough of them, all otherwise. All come
-/// last.
 std::vector<std::vector<NamedRecord>> groupReferences(const IdentifyInput& input) {
   std::vector<std::vector<HoistStage>> procedures;
   for (const NamedRecord& reference : input.references) {
@@ -240,6 +233,8 @@ std::vector<std::vector<NamedRecord>> groupReferences(const IdentifyInput& input
   if (all || groups.empty()) groups.push_back(input.references);
   return groups;
 }
+
+namespace {
 
 /// What is left of references depends on how much the fit allows for. It starts with little, so that the ice has to
 /// explain what it can, and settles within a few passes; in the last, the refitted ice is simulated, as it will be for

@@ -4,7 +4,9 @@
 
 #include <gtest/gtest.h>
 
+#include "brash_ice_rig/identify/chain.h"
 #include "brash_ice_rig/identify/covariance.h"
+#include "made_record.h"
 
 namespace brash_ice_rig {
 namespace {
@@ -330,6 +332,34 @@ TEST(Covariance, WhatTheSimulatorDoesWhileTheHoistRestsIsLearned) {
       EXPECT_NEAR(share[i], time_s[i] < 24.0 ? off(time_s[i] - 10.0) : 0.0, 0.006);
   }
   EXPECT_TRUE(learnDiscrepancy({rested(6.0, 0.1), makeReference(0.0, 0.0)}, Discrepancy()).procedure.empty());
+}
+
+TEST(References, ARecordGoesWithThoseOfItsProcedureIfThereAreSix) {
+  RecordRecipe lift, stop;
+  stop.stages_s = {12.0, 8.0, 28.0, 5.0};
+  const auto named = [](const RecordRecipe& recipe, const std::string& name) {
+    return NamedRecord{name, makeRecord(recipe)};
+  };
+  IdentifyInput input;
+  input.records = {named(lift, "lift"), named(stop, "stop")};
+  for (int i = 0; i < 6; ++i) {
+    input.references.push_back(named(stop, "stops"));
+    if (i < 5) input.references.push_back(named(lift, "lifts"));
+  }
+  auto groups = groupReferences(input);
+  ASSERT_EQ(groups.size(), 2u);
+  EXPECT_EQ(groups[0].size(), 6u) << "of the record that stops";
+  for (const NamedRecord& reference : groups[0]) EXPECT_EQ(reference.path, "stops");
+  EXPECT_EQ(groups[1].size(), 11u) << "five lifts are too few";
+  input.references.push_back(named(lift, "lifts"));
+  groups = groupReferences(input);
+  ASSERT_EQ(groups.size(), 2u);
+  EXPECT_EQ(groups[0].size(), 6u);
+  EXPECT_EQ(groups[0][0].path, "lifts");
+  EXPECT_EQ(groups[1][0].path, "stops");
+  input.records = {named(stop, "stop")};
+  input.holdout = named(stop, "again");
+  EXPECT_EQ(groupReferences(input).size(), 1u);
 }
 
 TEST(Covariance, IceUnlikeTheReferencesIsPredictedLessWell) {

@@ -40,6 +40,13 @@ std::vector<IceUnknown> iceUnknowns(const Record& record);
 /// @throws ConfigError if nothing can be identified from it
 RecordCurves readCurves(const NamedRecord& named);
 
+/// So many references of one procedure are worth having on their own.
+constexpr std::size_t kEnoughReferences = 6;
+
+/// Which references teach what: those of a record's procedure where there are enough of them, all otherwise. All come
+/// last.
+std::vector<std::vector<NamedRecord>> groupReferences(const IdentifyInput& input);
+
 /// One below the other.
 Eigen::VectorXd stacked(const std::vector<Eigen::VectorXd>& parts);
 

@@ -243,23 +243,23 @@ Discrepancy learnFrom(const std::vector<NamedRecord>& references, RunLibrary& ru
                       const Discrepancy& before) {
   constexpr int kLearningPasses = 3;
   constexpr double kLittle = 0.03;
-  std::vector<Discrepancy> learned{before};
-  learned[0].share = kLittle;
-  learned[0].share_of_peak = 0.0;
+  Discrepancy learned = before;
+  learned.share = kLittle;
+  learned.share_of_peak = 0.0;
   for (int pass = 0; pass < kLearningPasses; ++pass) {
     std::vector<ReferenceLift> lifts;
     for (const NamedRecord& record : references) {
       IdentifyInput reference;
       reference.records.push_back(record);
       const bool last = pass + 1 == kLearningPasses;
-      if (auto lift = Chain(reference, runs, thresholds, learned).reference(last)) lifts.push_back(*lift);
+      if (auto lift = Chain(reference, runs, thresholds, {learned}).reference(last)) lifts.push_back(*lift);
     }
     if (lifts.empty()) throw ConfigError("", "", "no reference shows ice", references.front().path);
-    learned[0] = learnDiscrepancy(lifts, learned[0]);
+    learned = learnDiscrepancy(lifts, learned);
   }
-  learned[0].share = before.share;
-  learned[0].share_of_peak = kReferenceFloor;
-  return learned[0];
+  learned.share = before.share;
+  learned.share_of_peak = kReferenceFloor;
+  return learned;
 }
 
 }  // namespace

@@ -50,6 +50,28 @@ TEST(Verdict, AnEffectIsNamedThatExceedsItsThreshold) {
   EXPECT_EQ(decided(ranked({found({"drainage"}, 6.0)})).verdict, Verdict::kUnknown);
 }
 
+TEST(Verdict, RecordsWithoutReferencesOfTheirProcedureAreNamed) {
+  Identification result = decided(ranked({}, 1.0));
+  result.records.resize(1);
+  result.holdout.resize(1);
+  result.records[0].path = "fit.csv";
+  result.holdout[0].path = "holdout.csv";
+  result.records[0].procedure_known = true;
+  const auto told = [](Identification identification) {
+    describe(identification, Thresholds());
+    std::string all;
+    for (const std::string& sentence : identification.summary) all += sentence + '\n';
+    return all;
+  };
+  EXPECT_EQ(told(result).find("fit.csv: too few references"), std::string::npos);
+  EXPECT_NE(told(result).find("holdout.csv: too few references"), std::string::npos);
+  result.holdout[0].observation.ice_contact = false;
+  EXPECT_EQ(told(result).find("too few references"), std::string::npos) << "there is nothing to learn without ice";
+  result.holdout[0].observation.ice_contact = true;
+  result.discrepancy.way_m.clear();
+  EXPECT_EQ(told(result).find("too few references"), std::string::npos) << "none were given";
+}
+
 TEST(Verdict, CorrelationCountsOnlyWhereTheResidualIsNotSmall) {
   const Thresholds t;
   EXPECT_TRUE(isSignificant(1.28, 0.9, t));

@@ -43,8 +43,9 @@ RecordCurves readCurves(const NamedRecord& named);
 /// So many references of one procedure are worth having on their own.
 constexpr std::size_t kEnoughReferences = 6;
 
-/// Which references teach what: those of a record's procedure where there are enough of them, all otherwise. All come
-/// last.
+/// Which references teach what: those of a record's procedure where there are enough of them, all of them otherwise;
+/// that group comes last.
+/// @throws ConfigError if nothing can be identified from a record or a reference
 std::vector<std::vector<NamedRecord>> groupReferences(const IdentifyInput& input);
 
 /// One below the other.

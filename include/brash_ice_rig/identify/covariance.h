@@ -28,9 +28,9 @@ bool isSameProcedure(const std::vector<HoistStage>& a, const std::vector<HoistSt
 /// exerts there, or of the largest one that is simulated; lengths are distances that the hoist covers.
 struct Discrepancy {
   /// What reference lifts showed, over the way as unrollWay() has it, in shares of the force's level; empty without
-  /// references.
-  /// Their mean; the curves along which they differ among each other, each as large as its standard deviation; and what
-  /// a further lift is off beside both. As many places each, the way increasing. They take the place of `share`.
+  /// references. Their mean; the curves along which they differ among each other, each as large as its standard
+  /// deviation; and what a further lift is off beside both. As many places each, the way increasing. They take the
+  /// place of `share`.
   std::vector<double> way_m, mean_share, sigma_share;
   std::vector<std::vector<double>> modes_share;
   std::vector<double> turn_way_m;     ///< where references start, stop or turn, so that they show what that does

@@ -32,7 +32,7 @@ struct RecordCurves {
   Record record;
   RecordReport report;
   Observation observation;
-  bool procedure_known = false;                           ///< enough references start, stop and turn where it does
+  bool procedure_known = false;                           ///< its references start, stop and turn where it does
   Eigen::VectorXd baseline_n, refitted_n, with_effect_n;  ///< in its bins; the last empty without a verdict
   Eigen::VectorXd total_sigma_n;                          ///< noise and discrepancy
   CurveError before, refitted, after;

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
+#include <utility>
 
 #include "brash_ice_rig/identify/chain.h"
 #include "brash_ice_rig/identify/verdict.h"
@@ -236,6 +238,32 @@ std::vector<std::vector<NamedRecord>> groupReferences(const IdentifyInput& input
 
 namespace {
 
+bool isSameRecord(const Record& a, const Record& b) {
+  const auto same = [](double x, double y) { return x == y || (std::isnan(x) && std::isnan(y)); };
+  return std::equal(a.time_s.begin(), a.time_s.end(), b.time_s.begin(), b.time_s.end(), same) &&
+         std::equal(a.force_n.begin(), a.force_n.end(), b.force_n.begin(), b.force_n.end(), same);
+}
+
+/// A record that is given twice is evidence but once: as its own reference it would teach that nothing is missing, as
+/// its own held-out record it would confirm whatever was fitted, and references that agree to the last digit would
+/// leave nothing to allow for.
+/// @throws ConfigError
+void refuseRepeats(const IdentifyInput& input) {
+  std::vector<std::pair<const NamedRecord*, const char*>> all;
+  for (const NamedRecord& record : input.records) all.emplace_back(&record, "a record to be fitted");
+  if (input.holdout) all.emplace_back(&*input.holdout, "the held-out record");
+  for (const NamedRecord& record : input.references) all.emplace_back(&record, "a reference");
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    for (std::size_t k = 0; k < i; ++k) {
+      if (!isSameRecord(all[i].first->record, all[k].first->record)) continue;
+      throw ConfigError("", "",
+                        std::string("is ") + all[i].second + ", but its samples are those of " + all[k].first->path +
+                            ", " + all[k].second + ": each record must be given once",
+                        all[i].first->path);
+    }
+  }
+}
+
 /// What is left of references depends on how much the fit allows for. It starts with little, so that the ice has to
 /// explain what it can, and settles within a few passes; in the last, the refitted ice is simulated, as it will be for
 /// the record.
@@ -267,6 +295,7 @@ Discrepancy learnFrom(const std::vector<NamedRecord>& references, RunLibrary& ru
 Identification identify(const IdentifyInput& input, RunLibrary& runs, const Thresholds& thresholds,
                         const Discrepancy& discrepancy) {
   const auto start = std::chrono::steady_clock::now();
+  refuseRepeats(input);
   std::vector<Discrepancy> discrepancies;
   if (!input.references.empty()) {
     for (const std::vector<NamedRecord>& group : groupReferences(input)) {

@@ -233,6 +233,23 @@ TEST_F(IdentifyProgram, GarbageIsRefusedAndLeavesNoReport) {
   EXPECT_FALSE(std::ifstream(directory_->file("garbage_out/report.json")).good());
 }
 
+TEST_F(IdentifyProgram, ARecordThatIsGivenTwiceIsRefused) {
+  const auto plain = [](double force, double) { return force; };
+  record("once", 20, plain);
+  record("twice", 20, plain);
+  record("other", 21, plain);
+  const auto expectRefused = [](const std::string& arguments, const std::string& said) {
+    const Outcome outcome = program("identify " + arguments + " --out given_twice --no-report");
+    EXPECT_EQ(outcome.exit_code, 2) << outcome.text;
+    EXPECT_TRUE(contains(outcome.text, said)) << outcome.text;
+    EXPECT_FALSE(std::ifstream(directory_->file("given_twice/report.json")).good());
+  };
+  expectRefused("once.csv --holdout once.csv", "is the held-out record, but its samples are those of once.csv");
+  expectRefused("once.csv twice.csv", "twice.csv: is a record to be fitted, but");
+  expectRefused("once.csv --reference other.csv --reference twice.csv", "twice.csv: is a reference, but");
+  expectRefused("once.csv --reference other.csv --reference other.csv", "those of other.csv, a reference: each record");
+}
+
 TEST_F(IdentifyProgram, RecordWithoutIceCannotTell) {
   record("empty", 4, [](double, double empty_force) { return empty_force; });
   const Outcome outcome = program("identify empty.csv --out empty_out --cache cache --no-report");

@@ -336,19 +336,38 @@ Eigen::MatrixXd computeNoiseCovariance(const ForceNoise& noise, const Eigen::Vec
 
 namespace {
 
-/// Distance covered, and time spent since the start in units of distance.
-double placeOf(const Discrepancy& d, const Observation& o, Eigen::Index i) {
-  return o.travel_m[i] + d.creep_mps * std::max(o.time_s[i], 0.0);
+/// Where on its way a lift is at each time, for how far what it is off at two of them is alike: distance covered, or
+/// places as unrollWay() has them where references stop and turn alike; and time since the start in units of distance.
+Eigen::VectorXd placesOf(const Discrepancy& d, const HoistPath& path, const Eigen::VectorXd& time_s,
+                         const Eigen::VectorXd& travel_m, const Eigen::VectorXd& way_m) {
+  // Places of a single stage are the distance covered.
+  const bool unrolled = d.procedure.size() > 1 && isSameProcedure(stagesOf(path), d.procedure);
+  const Eigen::VectorXd covered_m = unrolled ? unrollWay(d.procedure, path, time_s, way_m) : travel_m;
+  return covered_m.array() + d.creep_mps * time_s.array().max(0.0);
+}
+
+Eigen::VectorXd placesOf(const Discrepancy& d, const Observation& o) {
+  return placesOf(d, o.path, o.time_s, o.travel_m, o.way_m);
+}
+
+/// Place of each corner of the path.
+Eigen::VectorXd cornerPlaces(const Discrepancy& d, const HoistPath& path) {
+  const auto count = static_cast<Eigen::Index>(path.time_s.size());
+  const Eigen::Map<const Eigen::VectorXd> time_s(path.time_s.data(), count), way_m(path.height_m.data(), count);
+  Eigen::VectorXd travel_m = Eigen::VectorXd::Zero(count);
+  for (Eigen::Index k = 1; k < count; ++k) travel_m[k] = travel_m[k - 1] + std::abs(way_m[k] - way_m[k - 1]);
+  return placesOf(d, path, time_s, travel_m, way_m);
 }
 
 }  // namespace
 
 Eigen::MatrixXd computeFormCovariance(const Discrepancy& d, const Observation& o, const Eigen::VectorXd& change_n) {
   const Eigen::Index n = o.time_s.size();
+  const Eigen::VectorXd place = placesOf(d, o);
   Eigen::MatrixXd covariance(n, n);
   for (Eigen::Index i = 0; i < n; ++i) {
     for (Eigen::Index j = 0; j <= i; ++j) {
-      const double apart = std::abs(placeOf(d, o, i) - placeOf(d, o, j));
+      const double apart = std::abs(place[i] - place[j]);
       covariance(i, j) = covariance(j, i) =
           d.form_share * d.form_share * change_n[i] * change_n[j] * computeMatern32(apart, d.form_length_m);
     }
@@ -360,11 +379,11 @@ Eigen::MatrixXd computeDiscrepancyCovariance(const Discrepancy& d, const Observa
                                              const Eigen::VectorXd& ice_force_n, const Eigen::VectorXd& chaos_n) {
   const Eigen::Index n = o.time_s.size();
   const double peak = ice_force_n.cwiseAbs().maxCoeff(), level = computeLevel(ice_force_n);
-  Eigen::VectorXd place(n), smooth(n), rough(n), rest(n), turn = Eigen::VectorXd::Zero(n);
+  const Eigen::VectorXd place = placesOf(d, o);
+  Eigen::VectorXd smooth(n), rough(n), rest(n), turn = Eigen::VectorXd::Zero(n);
   const Eigen::VectorXd unrolled_m = unrollWay(d.procedure, o.path, o.time_s, o.way_m);
   for (Eigen::Index i = 0; i < n; ++i) {
     const bool moving = o.time_s[i] > 0.0;
-    place[i] = placeOf(d, o, i);
     // References differ in the arrangement of their blocks, too.
     const double own = d.fromReferences() ? level * valueOfBrokenLine(d.way_m, d.sigma_share, unrolled_m[i])
                                           : std::hypot(d.share * ice_force_n[i], chaos_n[i]);
@@ -389,18 +408,14 @@ Eigen::MatrixXd computeDiscrepancyCovariance(const Discrepancy& d, const Observa
     }
     covariance.triangularView<Eigen::Lower>() += curve * curve.transpose();
   }
+  const Eigen::VectorXd corners = cornerPlaces(d, o.path);
   // Each start, stop and turn has a term of its own, that fades with the distance or the time since.
   for (const std::size_t k : turnsOf(o.path)) {
     const bool known = holds(d.turn_way_m, o.path.height_m[k]);
     const double share = known ? d.known_turn_share : d.turn_share;
     const double length_m = known ? d.known_turn_length_m : d.turn_length_m;
-    double start = 0.0;
-    for (std::size_t piece = 0; piece < k; ++piece) {
-      start += std::abs(o.path.height_m[piece + 1] - o.path.height_m[piece]);
-    }
-    start += d.creep_mps * o.path.time_s[k];
     for (Eigen::Index i = 0; i < n; ++i) {
-      const double since = place[i] - start;
+      const double since = place[i] - corners[static_cast<Eigen::Index>(k)];
       // The mean of a bin may begin before the corner that it holds.
       const bool after_corner = o.time_s[i] + 0.5 * kBinS > o.path.time_s[k];
       turn[i] = after_corner ? share * peak * std::exp(-std::max(since, 0.0) / length_m) : 0.0;

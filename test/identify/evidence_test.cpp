@@ -305,6 +305,44 @@ TEST(Covariance, ProceduresAreTheSameByTheirCornersNotByTheirRests) {
   EXPECT_FALSE(same(stop, {{0.0, 30.0}, {0.0, 1.5}})) << "without the rest";
 }
 
+TEST(Covariance, WhatIsLeftOfAKnownRestForgetsWithTheLogarithmOfItsTime) {
+  // Up 0.5 m, 12 s of rest, up; bins 1 and 9 s after the stop. Without anything but what is left beside the modes.
+  Observation o;
+  o.path = {{0.0, 10.0, 22.0, 32.0}, {0.0, 0.5, 0.5, 1.0}};
+  o.time_s = Eigen::Vector2d(11.0, 19.0);
+  o.way_m = o.travel_m = Eigen::Vector2d(0.5, 0.5);
+  Discrepancy d;
+  d.procedure = stagesOf(o.path);
+  d.way_m = {0.0, 2.0};
+  d.mean_share = {0.0, 0.0};
+  d.sigma_share = {0.05, 0.05};
+  d.share_of_peak = d.rough_share = d.rest_share = d.turn_share = 0.0;
+  d.length_m = 0.2;
+  const Eigen::Vector2d ice(8000.0, 8000.0), chaos(0.0, 0.0);
+  const double apart_m = 0.16 * std::log(10.0 / 2.0) + 0.002 * 8.0;
+  const Eigen::MatrixXd left = computeDiscrepancyCovariance(d, o, ice, chaos);
+  EXPECT_NEAR(left(0, 0), 400.0 * 400.0, 1e-6);
+  EXPECT_NEAR(left(0, 1), 400.0 * 400.0 * computeMatern32(apart_m, 0.2), 1e-6);
+  // A record that lifts through goes with the distance.
+  o.path = {{0.0, 20.0}, {0.0, 1.0}};
+  o.way_m = o.travel_m = Eigen::Vector2d(0.5, 0.54);
+  EXPECT_NEAR(computeDiscrepancyCovariance(d, o, ice, chaos)(0, 1),
+              400.0 * 400.0 * computeMatern32(0.04 + 0.002 * 8.0, 0.2), 1e-6);
+
+  // So does what a stop leaves: 8 % of the largest force, over 0.15 m.
+  o.path = {{0.0, 10.0, 22.0, 32.0}, {0.0, 0.5, 0.5, 1.0}};
+  o.way_m = o.travel_m = Eigen::Vector2d(0.5, 0.5);
+  d.sigma_share = {0.0, 0.0};
+  d.turn_share = 0.08;
+  const auto fade = [](double rested_s) {
+    return std::exp(-(0.16 * std::log(1.0 + rested_s) + 0.002 * rested_s) / 0.15);
+  };
+  const Eigen::MatrixXd turn = computeDiscrepancyCovariance(d, o, ice, chaos);
+  // The rest begins at the next whole cell, 2 cm further; of the start, 0.5 m before, little is left.
+  EXPECT_NEAR(turn(0, 0), std::pow(640.0 * fade(1.0), 2), 0.01 * 640.0 * 640.0);
+  EXPECT_NEAR(turn(1, 1), std::pow(640.0 * fade(9.0), 2), 0.01 * 640.0 * 640.0);
+}
+
 TEST(Covariance, WhatTheSimulatorDoesWhileTheHoistRestsIsLearned) {
   // The simulator's force falls by 10 % of its level when the hoist stops and comes back with 1 s; nature's does not.
   const auto off = [](double rested_s) { return rested_s < 0.0 ? 0.0 : 0.1 * std::exp(-rested_s); };

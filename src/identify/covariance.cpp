@@ -353,9 +353,9 @@ Eigen::VectorXd placesOf(const Discrepancy& d, const Observation& o) {
 /// Place of each corner of the path.
 Eigen::VectorXd cornerPlaces(const Discrepancy& d, const HoistPath& path) {
   const auto count = static_cast<Eigen::Index>(path.time_s.size());
-  const Eigen::Map<const Eigen::VectorXd> time_s(path.time_s.data(), count), way_m(path.height_m.data(), count);
-  Eigen::VectorXd travel_m = Eigen::VectorXd::Zero(count);
-  for (Eigen::Index k = 1; k < count; ++k) travel_m[k] = travel_m[k - 1] + std::abs(way_m[k] - way_m[k - 1]);
+  const std::vector<double> travel = computeTravel(path);
+  const Eigen::Map<const Eigen::VectorXd> time_s(path.time_s.data(), count), travel_m(travel.data(), count),
+      way_m(path.height_m.data(), count);
   return placesOf(d, path, time_s, travel_m, way_m);
 }
 

@@ -201,6 +201,14 @@ ForceNoise estimateNoise(const std::vector<double>& rest_time_s, const std::vect
 
 }  // namespace
 
+std::vector<double> computeTravel(const HoistPath& path) {
+  std::vector<double> travel_m{0.0};
+  for (std::size_t k = 1; k < path.time_s.size(); ++k) {
+    travel_m.push_back(travel_m.back() + std::abs(path.height_m[k] - path.height_m[k - 1]));
+  }
+  return travel_m;
+}
+
 Observation makeObservation(const Record& record, const RecordReport& report) {
   assert(report.usability() != Usability::kNo);
   Observation o;
@@ -263,10 +271,7 @@ Observation makeObservation(const Record& record, const RecordReport& report) {
     if (at_rest > 0) o.lateral_n.rowwise() -= Eigen::RowVector2d(o.lateral_n.topRows(at_rest).colwise().mean());
   }
   o.travel_m = Eigen::VectorXd::Zero(count);
-  std::vector<double> travel{0.0};
-  for (std::size_t k = 1; k < o.path.time_s.size(); ++k) {
-    travel.push_back(travel.back() + std::abs(o.path.height_m[k] - o.path.height_m[k - 1]));
-  }
+  const std::vector<double> travel = computeTravel(o.path);
   for (Eigen::Index i = 0; i < count; ++i) o.travel_m[i] = valueOfBrokenLine(o.path.time_s, travel, o.time_s[i]);
   o.noise = estimateNoise(rest_time, rest, report.noise_sigma_n);
   return o;

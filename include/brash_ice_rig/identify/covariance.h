@@ -53,7 +53,7 @@ struct Discrepancy {
   double rest_length_m = 0.05;  ///< over which that is forgotten
   double form_share = 0.3;      ///< of what an effect does: laws differ
   double form_length_m = 0.3;   ///< over which that changes
-  double creep_mps = 0.002;     ///< ice at rest changes as if the hoist covered this
+  double creep_mps = 0.002;     ///< ice at rest changes as if the hoist covered this, beside the places of known rests
 };
 
 /// Matérn's correlation of smoothness 3/2 (Rasmussen and Williams 2006, eq. 4.17): (1 + √3 d/l) exp(−√3 d/l).

@@ -20,6 +20,9 @@ struct HoistPath {
   std::vector<double> time_s, height_m;  ///< as many, at least 2; both start at 0
 };
 
+/// Distance covered at each corner, m, whatever the direction; 0 at the first.
+std::vector<double> computeTravel(const HoistPath& path);
+
 /// Noise of the load cell, as the stretch before the lift shows it.
 struct ForceNoise {
   double white_n = 0.0;  ///< standard deviation of a bin's mean that no neighbour knows of

@@ -65,15 +65,20 @@ double secondsSince(WallClock::time_point start) {
   return std::chrono::duration<double>(WallClock::now() - start).count();
 }
 
+/// Simulated time before time 0, s.
+double timeBeforeZero(const ProcedureConfig& procedure) {
+  return procedure.settle_duration_s + procedure.rest_duration_s;
+}
+
 /// Simulated time that the script will take, settling included, s. An estimate: it leaves out the crane's ramps.
 double expectedDuration(const Scenario& scenario) {
   const ProcedureConfig& procedure = scenario.procedure;
   if (procedure.control == ControlMode::kManual) {
-    return procedure.settle_duration_s + readCommands(procedure.commands_file).back().time_s;
+    return timeBeforeZero(procedure) + readCommands(procedure.commands_file).back().time_s;
   }
   const double lift_s =
       procedure.motion_file.empty() ? procedure.lift_duration_s : CraneMotion::read(procedure.motion_file).duration();
-  double duration_s = procedure.settle_duration_s + lift_s + procedure.hold_duration_s;
+  double duration_s = timeBeforeZero(procedure) + lift_s + procedure.hold_duration_s;
   if (procedure.start == StartPose::kFoldedAboveIce) {
     const double way_m = startHubHeight(scenario) - lowestHubHeight(scenario);
     duration_s += way_m / procedure.lower_speed_mps;
@@ -86,7 +91,7 @@ double expectedDuration(const Scenario& scenario) {
 class Progress {
  public:
   explicit Progress(const Scenario& scenario)
-      : settle_s_(scenario.procedure.settle_duration_s), total_s_(expectedDuration(scenario)) {}
+      : before_zero_s_(timeBeforeZero(scenario.procedure)), total_s_(expectedDuration(scenario)) {}
 
   void show(const Snapshot& snapshot) {
     const double wall_s = secondsSince(start_);
@@ -103,13 +108,13 @@ class Progress {
 
  private:
   std::string bar(double time_s, double wall_s) const {
-    const double done = std::clamp((time_s + settle_s_) / total_s_, 0.0, 1.0);
+    const double done = std::clamp((time_s + before_zero_s_) / total_s_, 0.0, 1.0);
     // The first moments say little about the rest.
     return progressBar(done, done < 0.01 ? -1.0 : wall_s * (1.0 - done) / done);
   }
 
   ProgressLine line_;
-  double settle_s_, total_s_;
+  double before_zero_s_, total_s_;
   WallClock::time_point start_ = WallClock::now();
   double shown_wall_s_ = -std::numeric_limits<double>::infinity();
   Stage shown_stage_ = Stage::kSettle;

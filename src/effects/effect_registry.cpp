@@ -175,8 +175,8 @@ Fade computeFade(double u) {
           60.0 * u * (1.0 + u * (2.0 * u - 3.0))};
 }
 
-Motion fadeIn(const Motion& path, double time_s) {
-  const Fade fade = computeFade(time_s / kFadeInS);
+Motion fadeIn(const Motion& path, double since_s) {
+  const Fade fade = computeFade(since_s / kFadeInS);
   const double slope = fade.slope / kFadeInS, curvature = fade.curvature / (kFadeInS * kFadeInS);
   Motion motion;
   motion.position_m = fade.value * path.position_m;

@@ -12,10 +12,11 @@ namespace {
 
 constexpr int kLines = 3;
 
-/// The ship heaves and takes the crane along: z(t) = sum of A_k sin(2 pi t / T_k + phi_k), faded in from time 0.
+/// The ship heaves and takes the crane along: z(t) = sum of A_k sin(2 pi t / T_k + phi_k), faded in from the end of
+/// settling on: at sea it does not wait for the lift.
 class VesselHeave : public Effect {
  public:
-  explicit VesselHeave(const EffectValues& values) {
+  VesselHeave(const EffectValues& values, double rest_s) : rest_s_(rest_s) {
     for (int k = 0; k < kLines; ++k) {
       const std::string number = std::to_string(k + 1);
       lines_[static_cast<std::size_t>(k)] = {values["amplitude_" + number + "_m"],
@@ -32,7 +33,7 @@ class VesselHeave : public Effect {
       swell.velocity_mps.z() += line.amplitude * line.frequency * repeatable::cos(angle);
       swell.acceleration_mps2.z() -= line.amplitude * line.frequency * line.frequency * repeatable::sin(angle);
     }
-    suspension.point += fadeIn(swell, rig.time_s);
+    suspension.point += fadeIn(swell, rig.time_s + rest_s_);
   }
 
  private:
@@ -40,6 +41,7 @@ class VesselHeave : public Effect {
     double amplitude, frequency, phase;  // m, rad/s, rad
   };
   std::array<Line, kLines> lines_{};
+  double rest_s_;
 };
 
 }  // namespace
@@ -66,7 +68,10 @@ EffectDescription describeVesselHeave() {
       "a position measured against the shore, or a motion sensor on board; drum ripple has the period of the "
       "drum's turns instead and follows the hoist speed";
   d.in_energy_balance = true;
-  d.make = [](const EffectValues& values, const Scenario&) { return std::make_unique<VesselHeave>(values); };
+  d.acts_at_rest = true;
+  d.make = [](const EffectValues& values, const Scenario& scenario) {
+    return std::make_unique<VesselHeave>(values, scenario.procedure.rest_duration_s);
+  };
   return d;
 }
 

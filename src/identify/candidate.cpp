@@ -231,12 +231,13 @@ Variant makeFalls(const std::vector<double>& times_s) {
   return v;
 }
 
-Variant makeSwell(const std::vector<double>& periods_s) {
+Variant makeSwell(const std::vector<double>& periods_s, bool hangs_clear) {
   assert(!periods_s.empty() && periods_s.size() <= 3);
   const EffectDescription& effect = describedAs("vessel_heave");
   Variant v;
   v.effect = &effect;
   v.periods_s = periods_s;
+  v.hangs_clear = hangs_clear;
   const auto named = [](const char* stem, std::size_t k, const char* unit) {
     return std::string(stem) + "_" + std::to_string(k + 1) + "_" + unit;
   };
@@ -382,8 +383,7 @@ Eigen::MatrixXd swellResponse(const Eigen::MatrixXd& simulated, double simulated
     // moment. Its inertia grows with the square of the pitch.
     const double time = time_s[i], turned = (pitch - simulated_pitch) * time;
     const double sine = std::sin(turned), cosine = std::cos(turned);
-    const double inertia =
-        -computeFade(time / kFadeInS).value * mass_kg[i] * (pitch * pitch - simulated_pitch * simulated_pitch);
+    const double inertia = -mass_kg[i] * (pitch * pitch - simulated_pitch * simulated_pitch);
     columns(i, 0) = simulated(i, 0) * cosine + simulated(i, 1) * sine + inertia * std::sin(pitch * time);
     columns(i, 1) = simulated(i, 1) * cosine - simulated(i, 0) * sine + inertia * std::cos(pitch * time);
   }

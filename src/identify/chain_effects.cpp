@@ -48,7 +48,7 @@ void Chain::addVariants() {
       variants_.push_back(std::make_unique<Variant>(std::move(variant)));
     }
     if (std::string(effect.name) == "vessel_heave" && sites_.front().observation().ice_contact) {
-      swell_ = std::make_unique<Variant>(makeSwell({kSwellPeriodS}));
+      swell_ = std::make_unique<Variant>(makeSwell({kSwellPeriodS}, false));
       settled_.insert(swell_.get());
     }
     for (const auto& [v, amplitude] : typicalAmplitudes(effect)) settled_.insert(v);
@@ -86,6 +86,7 @@ std::vector<std::string> Chain::requestSignature(const Site& site, const Variant
       Eigen::VectorXd a = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(v.amplitudes.size()));
       a[static_cast<Eigen::Index>(k)] = v.amplitudes[k].step;
       v.apply(s.effects[v.effect->name], a);
+      if (v.effect->acts_at_rest) s.procedure.rest_duration_s = site.restBefore();
       try {
         s.validate();
       } catch (const ConfigError&) {
@@ -125,6 +126,7 @@ Eigen::MatrixXd Chain::signature(const Site& site, const Variant& v) {
       }
     }
   }
+  if (v.hangs_clear) columns.topRows(site.restRows()).setZero();
   return columns;
 }
 
@@ -243,11 +245,17 @@ void Chain::locate(const Model& start, const std::string& what) {
     const Eigen::MatrixXd response = signatures_.at(swell_.get()).middleRows(site.first_row, site.rows());
     const CollectorConfig& rig = site.scenario.collector;
     const Eigen::VectorXd mass_kg = site.mean_n.cwiseMax(0.0).array() / kGravityMps2 + rig.mass_kg + rig.pole_mass_kg;
-    const auto columns = [&](double period) {
-      return swellResponse(response, kSwellPeriodS, period, site.observation().time_s, mass_kg);
-    };
-    if (!response.isZero() && findPlaces(start, periods, swell_->amplitudes[0], columns, places, log_odds) > 0.0) {
-      add(makeSwell(places));
+    // Whether a rig knocks at the ice before the lift is a matter of centimetres.
+    for (const bool hangs_clear : {false, true}) {
+      if (hangs_clear && site.restRows() == 0) continue;
+      const auto columns = [&](double period) {
+        Eigen::MatrixXd swell = swellResponse(response, kSwellPeriodS, period, site.observation().time_s, mass_kg);
+        if (hangs_clear) swell.topRows(site.restRows()).setZero();
+        return swell;
+      };
+      if (!response.isZero() && findPlaces(start, periods, swell_->amplitudes[0], columns, places, log_odds) > 0.0) {
+        add(makeSwell(places, hangs_clear));
+      }
     }
   }
   computeSignatures(added, what);

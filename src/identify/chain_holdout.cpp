@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <optional>
 #include <utility>
 
@@ -55,7 +56,12 @@ struct Parts {
   T always;
   std::optional<T> with_events;  ///< and what always comes back
   std::vector<Swing> swings;
+  std::optional<T> found;      ///< with the swings as they seem to have been
+  Eigen::VectorXd found_size;  ///< of each, over Swing::size
 };
+
+/// Simulations of a held-out record's swell, each at the phase that the one before leads to.
+constexpr int kPasses = 2;
 
 /// @param first_amplitude  among the model's unknowns
 Parts<Eigen::VectorXd> partsOfUnknowns(const Model& model, Eigen::Index first_amplitude) {
@@ -128,6 +134,7 @@ LinearModel withLongerSwell(LinearModel way, const Site& site, const Parts<Force
     if (swing.period_s == 0.0) continue;
     auto columns = way.columns.block(0, static_cast<Eigen::Index>(k), site.rows(), 2);
     columns = swellResponse(columns, swing.period_s, swing.period_s * longer, time_s, mass_kg * swing.size);
+    columns.topRows(site.restRows()).setZero();
     ++k;  // the cosine
   }
   return way;
@@ -162,7 +169,14 @@ std::vector<LinearModel> waysOf(const Channels& channels, const Parts<Forces>& p
     for (Eigen::Index k = 0; k < count; ++k) {
       const auto& swing = parts.swings[static_cast<std::size_t>(k)];
       way.columns.col(k) = channels.mean(swing.with, delay_s, sideways) - way.offset;
+      // Straight lines say nothing of what swell does before the lift.
+      if (swing.period_s > 0.0) way.columns.col(k).head(channels.sites.front().restRows()).setZero();
       way.prior_sigma[k] = swing.share;
+    }
+    Eigen::VectorXd events = Eigen::VectorXd::Zero(way.offset.size());
+    if (parts.with_events) events = channels.mean(*parts.with_events, delay_s, sideways) - way.offset;
+    if (parts.found) {
+      way.offset = channels.mean(*parts.found, delay_s, sideways) - way.columns * parts.found_size;
     }
     const double log_prior = -0.5 * delay_s * delay_s / (kSigmaS * kSigmaS);
     for (const double period : periods) {
@@ -170,7 +184,7 @@ std::vector<LinearModel> waysOf(const Channels& channels, const Parts<Forces>& p
       log_weight.push_back(log_prior);
       if (!parts.with_events) continue;
       ways.push_back(ways.back());
-      ways.back().offset = channels.mean(*parts.with_events, delay_s, sideways);
+      ways.back().offset += events;
       log_weight.push_back(log_prior);
     }
   }
@@ -191,6 +205,7 @@ void addFormErrors(const Channels& channels, const Eigen::VectorXd& change, doub
 struct Prediction {
   double log_density = 0.0;
   Eigen::VectorXd mean_n;  ///< the most probable one, of all channels
+  Eigen::VectorXd swings;  ///< in it: size of each over Parts::Swing::size
 };
 
 /// How probable a record is that was not fitted.
@@ -229,7 +244,9 @@ std::optional<Prediction> predict(const Channels& channels, const Model& model, 
       best_way = &ways[i];
     }
   }
-  p.mean_n = fitLinear(data, *best_way, errors).mean;
+  const LinearFit fit = fitLinear(data, *best_way, errors);
+  p.mean_n = fit.mean;
+  p.swings = fit.x;
   return p;
 }
 
@@ -335,19 +352,48 @@ void Chain::evaluateHoldout(const Model& baseline, const std::vector<Model>& mod
   constexpr double kSpeedsDiffer = 0.12;  // or both would be among the periods that are tried
   const double speed = meanSpeed(o.path);
   const double slower = speed > 0.0 ? meanSpeed(sites_.front().observation().path) / speed : 1.0;
+  std::map<std::size_t, Parts<Forces>> parts_of;
+  for (const std::size_t k : worth) parts_of[k] = partsOf(models[k], false);
+  // Straight lines tell how swell was in this record. A rig that knocks at the ice is no matter of straight lines: it
+  // is simulated there. What predicts the record best counts.
+  std::map<std::size_t, Prediction> best;
+  for (int pass = 0; pass <= kPasses; ++pass) {
+    std::map<std::size_t, Eigen::VectorXd> next;
+    for (auto& [k, parts] : parts_of) {
+      if (pass > 0 && !parts.found) continue;
+      const std::optional<Prediction> with = predicted(models[k], parts);
+      if (!with) continue;
+      const auto before = best.find(k);
+      if (before == best.end() || with->log_density > before->second.log_density) best[k] = *with;
+      if (pass == kPasses || !swells(parts)) continue;
+      const Parts<Eigen::VectorXd> unknown = partsOfUnknowns(models[k], unknowns());
+      Eigen::VectorXd& at = next[k] = unknown.always;
+      for (std::size_t i = 0; i < unknown.swings.size(); ++i) {
+        at += with->swings[static_cast<Eigen::Index>(i)] * (unknown.swings[i].with - unknown.always);
+      }
+      parts.found_size = with->swings;
+      forcesAt(models[k], at, true);
+    }
+    runs_.makeMissing("held-out record, swell as it was there");
+    for (const auto& [k, at] : next) {
+      parts_of[k].found = forcesAt(models[k], at, false);
+      if (parts_of[k].found->empty()) parts_of[k].found.reset();
+    }
+  }
   predicted_.resize(models.size());
-  for (const std::size_t k : worth) {
-    const Parts<Forces> parts = partsOf(models[k], false);
-    const std::optional<Prediction> with = predicted(models[k], parts);
-    if (!with) continue;
-    predicted_[k] = {with->mean_n.head(site.rows()), errorOf(*with)};
+  for (const auto& [k, with] : best) {
+    predicted_[k] = {with.mean_n.head(site.rows()), errorOf(with)};
     Explanation& e = result.ranking[k];
     e.holdout_rmse_n = predicted_[k].error.rmse_n;
-    e.holdout_ratio = std::sqrt(channels.meanSquare(with->mean_n - data) / channels.meanSquare(without.mean_n - data));
-    e.holdout_log_ratio = with->log_density - without.log_density;
+    e.holdout_ratio = std::sqrt(channels.meanSquare(with.mean_n - data) / channels.meanSquare(without.mean_n - data));
+    e.holdout_log_ratio = with.log_density - without.log_density;
     // The sea's period is about the same in a slower lift, a drum's is not.
+    Parts<Forces>& parts = parts_of.at(k);
     if (!swells(parts) || std::abs(std::log(slower)) < kSpeedsDiffer) continue;
-    e.holdout_way_log_ratio = predicted(models[k], parts, slower)->log_density - without.log_density;
+    // Both by straight lines: what is simulated where it fits best has an advantage.
+    parts.found.reset();
+    e.holdout_way_log_ratio = e.holdout_log_ratio + predicted(models[k], parts, slower)->log_density -
+                              predicted(models[k], parts)->log_density;
   }
   RecordCurves& c = site.curves;
   c.baseline_n = as_given.mean_n.head(site.rows());

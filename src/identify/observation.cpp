@@ -277,7 +277,7 @@ Observation makeObservation(const Record& record, const RecordReport& report) {
   return o;
 }
 
-SimulatedForce readSimulatedForce(const std::string& directory) {
+SimulatedForce readSimulatedForce(const std::string& directory, double rest_s) {
   const std::string path = directory + "/force.csv";
   const CsvTable table =
       readCsv(path, {"time_s", "force_n", "weight_n", "buoyancy_n", "force_x_n", "force_y_n", "hoist_position_m"});
@@ -292,7 +292,7 @@ SimulatedForce readSimulatedForce(const std::string& directory) {
   const double empty = weight.front() - buoyancy.front();
   double start_m = 0.0;
   for (std::size_t i = 0; i < time.size(); ++i) {
-    if (time[i] < -1e-6) continue;
+    if (time[i] < -rest_s - 1e-6) continue;
     if (force.time_s.empty()) start_m = height[i];
     force.time_s.push_back(time[i]);
     force.way_m.push_back(height[i] - start_m);

@@ -1,5 +1,6 @@
 #include "brash_ice_rig/identify/run_library.h"
 
+#include <algorithm>
 #include <cassert>
 #include <chrono>
 #include <filesystem>
@@ -42,7 +43,7 @@ std::string RunLibrary::motionFile(const HoistPath& path) {
 
 std::string RunLibrary::request(const Scenario& scenario) {
   std::string key = hashText(toYaml(scenario));
-  if (keys_.emplace(key, false).second) {
+  if (rest_s_.emplace(key, scenario.procedure.rest_duration_s).second) {
     waiting_.push_back({directory_ + "/" + key, scenario});
     waiting_keys_.push_back(key);
   }
@@ -86,17 +87,16 @@ void RunLibrary::makeMissing(const std::string& what) {
       if (!isFrozen(statuses[i].note)) throw OutputError(waiting_[i].directory, statuses[i].note);
       failed_[waiting_keys_[i]] = statuses[i].note;
     }
-    keys_[waiting_keys_[i]] = true;
   }
   waiting_.clear();
   waiting_keys_.clear();
 }
 
 const SimulatedForce& RunLibrary::force(const std::string& key) {
-  assert(keys_.at(key) && !failed(key));
+  assert(std::find(waiting_keys_.begin(), waiting_keys_.end(), key) == waiting_keys_.end() && !failed(key));
   const auto known = forces_.find(key);
   if (known != forces_.end()) return known->second;
-  return forces_.emplace(key, readSimulatedForce(directory_ + "/" + key)).first->second;
+  return forces_.emplace(key, readSimulatedForce(directory_ + "/" + key, rest_s_.at(key))).first->second;
 }
 
 }  // namespace brash_ice_rig

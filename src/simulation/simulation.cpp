@@ -165,7 +165,7 @@ struct Simulation::Impl {
   }
   Eigen::Vector3d hubPosition() const;
   Eigen::Vector3d hubVelocity() const;
-  double time() const { return (static_cast<double>(step_count) - static_cast<double>(settle_steps)) * time_step; }
+  double time() const { return (static_cast<double>(step_count) - static_cast<double>(steps_to_zero)) * time_step; }
   double hubHeight() const { return hubPosition().z(); }
 
   Scenario scenario;
@@ -175,7 +175,7 @@ struct Simulation::Impl {
   double density;
   std::uint64_t steps_per_sample;
   double time_step;
-  std::uint64_t settle_steps;
+  std::uint64_t settle_steps, steps_to_zero;  ///< the latter with the rest after settling
 
   std::vector<std::unique_ptr<Effect>> effects;
   IceChanges changes;
@@ -232,6 +232,7 @@ Simulation::Impl::Impl(const Scenario& s)
       steps_per_sample(countStepsPerSample(s, material, density)),
       time_step(sample_period / static_cast<double>(steps_per_sample)),
       settle_steps(0),
+      steps_to_zero(0),
       effects(makeEffects(s)),
       ice(makeIce()),
       water(s.water, s.ice, s.field.spacing_m),
@@ -242,9 +243,12 @@ Simulation::Impl::Impl(const Scenario& s)
       procedure(s.procedure, lowestHubHeight(s)),
       numerical_guard(s, static_cast<double>(ice.size()) * ice.particleMass()),
       fold_target(collector.foldRatio()) {
-  // Settling takes whole samples, so that time 0 is one.
-  settle_steps =
-      steps_per_sample * static_cast<std::uint64_t>(std::llround(s.procedure.settle_duration_s / sample_period));
+  // Settling and rest take whole samples, so that time 0 is one.
+  const auto wholeSamples = [&](double duration_s) {
+    return steps_per_sample * static_cast<std::uint64_t>(std::llround(duration_s / sample_period));
+  };
+  settle_steps = wholeSamples(s.procedure.settle_duration_s);
+  steps_to_zero = settle_steps + wholeSamples(s.procedure.rest_duration_s);
   if (!s.procedure.commands_file.empty()) script = readCommands(s.procedure.commands_file);
   updateForces();
   load_cell.sample();

@@ -63,6 +63,24 @@ TEST(VesselHeave, StartsWithoutAJumpOfSpeedOrAcceleration) {
   }
 }
 
+TEST(VesselHeave, BeginsWithTheRestBeforeTheLift) {
+  Scenario s = rigInTheAir();
+  s.procedure.rest_duration_s = 4.0;
+  enable(s, "vessel_heave", kThreeLines);
+  Simulation simulation(s);
+  const double start = simulation.snapshot().rig.crane_position_m.z();
+  simulation.advance(0.5);
+  EXPECT_NEAR(simulation.snapshot().time_s, -4.0, 1e-12);
+  EXPECT_EQ(simulation.snapshot().rig.crane_position_m.z(), start);
+  simulation.advance(2.0);
+  for (int k = 0; k < 4; ++k) {
+    simulation.advance(0.4);
+    const Snapshot now = simulation.snapshot();
+    EXPECT_LT(now.time_s, 0.0);
+    EXPECT_NEAR(now.rig.crane_position_m.z() - start, threeLines(now.time_s), 1e-12) << "its phase is that at time 0";
+  }
+}
+
 TEST(VesselHeave, EnergyOfTheRigIsStillFound) {
   Scenario s = rigInTheAir();
   s.output.energy = true;

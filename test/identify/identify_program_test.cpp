@@ -43,8 +43,9 @@ class IdentifyProgram : public ::testing::Test {
   /// Makes a record of a run: 8 s of rest, then the lift, with noise and what `changed` does to the force.
   static void record(const std::string& name, unsigned seed,
                      const std::function<double(double force_n, double empty_force_n)>& changed,
-                     const std::string& run = "run", bool lateral = false, double speed_mps = 0.15) {
-    const SimulatedForce force = readSimulatedForce(directory_->file(run));
+                     const std::string& run = "run", bool lateral = false, double speed_mps = 0.15,
+                     double simulated_rest_s = 0.0, const std::string& rig = "run") {
+    const SimulatedForce force = readSimulatedForce(directory_->file(run), simulated_rest_s);
     std::mt19937 generator(seed);
     std::normal_distribution<double> noise(0.0, 15.0);
     std::ofstream csv(directory_->file(name + ".csv"));
@@ -52,7 +53,7 @@ class IdentifyProgram : public ::testing::Test {
     const double start_m = -0.74;
     for (int row = 0; row * 0.02 < 21.0; ++row) {
       const double time = row * 0.02 - 8.0, lifted = std::min(std::max(time, 0.0) * speed_mps, 1.2);
-      const auto at = static_cast<std::size_t>(std::max(std::lround(time / 0.01), 0L));
+      const auto at = static_cast<std::size_t>(std::max(std::lround((time + simulated_rest_s) / 0.01), 0L));
       const std::size_t i = std::min(at, force.force_n.size() - 1);
       csv << row * 0.02 << ',' << std::round(changed(force.force_n[i], force.empty_force_n[i]) + noise(generator))
           << ',' << start_m + lifted;
@@ -60,7 +61,8 @@ class IdentifyProgram : public ::testing::Test {
       csv << '\n';
     }
     std::ofstream(directory_->file(name + ".yaml"))
-        << "source: synthetic\ntare_n: 0\nposition: measured\nrig: run/scenario.yaml\n"
+        << "source: synthetic\ntare_n: 0\nposition: measured\nrig: " << rig
+        << "/scenario.yaml\n"
            "ice: {thickness_m: 0.6, void_fraction: 0.6 ± 0.03, cohesion_pa: 200 ± 50, friction_angle_deg: 50 ± 3}\n";
   }
 
@@ -144,14 +146,16 @@ bool whatCouldBeNamedWasSimulated(const nlohmann::json& report) {
 /// The small field under 6 cm of swell, and its record. @param set  more keys of the scenario
 class IdentifySwell : public IdentifyProgram {
  protected:
-  static void recordSwell(const std::string& name, unsigned seed, const std::string& set, double speed_mps = 0.15) {
+  /// @param rest_s  from which on it comes up  @param rig  run whose scenario the manifest names
+  static void recordSwell(const std::string& name, unsigned seed, const std::string& set, double rest_s,
+                          double speed_mps = 0.15, const std::string& rig = "run") {
     ASSERT_EQ(program("run small.yaml --set effects.vessel_heave.enabled=true "
-                      "--set effects.vessel_heave.amplitude_1_m=0.06 " +
-                      set + " --out " + name + "_run")
+                      "--set effects.vessel_heave.amplitude_1_m=0.06 --set procedure.rest_duration_s=" +
+                      std::to_string(rest_s) + " " + set + " --out " + name + "_run")
                   .exit_code,
               0);
     record(
-        name, seed, [](double force, double) { return force; }, name + "_run", false, speed_mps);
+        name, seed, [](double force, double) { return force; }, name + "_run", false, speed_mps, rest_s, rig);
   }
 
   /// What is said of swell; everything that could be named was simulated.
@@ -167,8 +171,9 @@ class IdentifySwell : public IdentifyProgram {
 };
 
 TEST_F(IdentifySwell, ThatHasAnotherPhaseInTheHeldOutRecordIsConfirmedByIt) {
-  recordSwell("swell", 6, "--set effects.vessel_heave.period_1_s=4");
-  recordSwell("other_phase", 7, "--set effects.vessel_heave.period_1_s=4 --set effects.vessel_heave.phase_1_deg=150");
+  recordSwell("swell", 6, "--set effects.vessel_heave.period_1_s=4", 8.0);
+  recordSwell("other_phase", 7, "--set effects.vessel_heave.period_1_s=4 --set effects.vessel_heave.phase_1_deg=150",
+              8.0);
   nlohmann::json heave;
   ASSERT_NO_FATAL_FAILURE(identifyHeave("swell", "other_phase", heave));
   EXPECT_GT(heave["log_bayes_factor"], 6.0) << heave;
@@ -178,13 +183,17 @@ TEST_F(IdentifySwell, ThatHasAnotherPhaseInTheHeldOutRecordIsConfirmedByIt) {
 }
 
 TEST_F(IdentifySwell, ThatKeepsItsLengthAlongTheWayIsTold) {
-  recordSwell("drum", 10, "--set effects.vessel_heave.period_1_s=4");
-  recordSwell("slower_drum", 11,
-              "--set effects.vessel_heave.period_1_s=5 --set effects.vessel_heave.phase_1_deg=70 "
-              "--set procedure.lift_speed_mps=0.12 --set procedure.lift_duration_s=10",
-              0.12);
+  // A drum does nothing before the lift, and neither does swell where the rig hangs clear of the ice.
+  const std::string clear = "--set procedure.start_gap_m=0.08 ";
+  ASSERT_EQ(program("run small.yaml " + clear + "--out clear").exit_code, 0);
+  recordSwell("drum", 10, clear + "--set effects.vessel_heave.period_1_s=4", 0.0, 0.15, "clear");
+  recordSwell("faster_drum", 11,
+              clear +
+                  "--set effects.vessel_heave.period_1_s=3 --set effects.vessel_heave.phase_1_deg=70 "
+                  "--set procedure.lift_speed_mps=0.2 --set procedure.lift_duration_s=6",
+              0.0, 0.2, "clear");
   nlohmann::json heave;
-  ASSERT_NO_FATAL_FAILURE(identifyHeave("drum", "slower_drum", heave));
+  ASSERT_NO_FATAL_FAILURE(identifyHeave("drum", "faster_drum", heave));
   ASSERT_TRUE(heave["holdout_way_log_ratio"].is_number()) << heave;
   EXPECT_GT(heave["holdout_way_log_ratio"], 6.0 + heave["holdout_log_ratio"].get<double>()) << heave;
 }

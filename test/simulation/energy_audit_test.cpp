@@ -321,6 +321,21 @@ TEST(EnergyOfAPullUp, IsFoundAgainWithinATenthOfAPercent) {
   EXPECT_GT(energy.settle_damping_j, 0.0);
 }
 
+TEST(EnergyOfAPullUp, RestAfterSettlingIsWithoutDamping) {
+  Scenario s = pullUp();
+  s.procedure.settle_duration_s = 0.2;  // too short, so that the field still bobs
+  s.procedure.rest_duration_s = 1.0;
+  Simulation simulation(s);
+  simulation.advance(0.2);
+  const double damped_j = simulation.snapshot().energy->settle_damping_j;
+  EXPECT_GT(damped_j, 0.0);
+  simulation.advance(1.0);
+  EXPECT_NEAR(simulation.snapshot().time_s, 0.0, 1e-12);
+  EXPECT_EQ(simulation.snapshot().stage, Stage::kSettle);
+  EXPECT_GT(simulation.snapshot().energy->kinetic_j, 0.0);
+  EXPECT_EQ(simulation.snapshot().energy->settle_damping_j, damped_j);
+}
+
 TEST(EnergyOfAPullUp, ImbalanceIsOfFirstOrderInTheTimeStep) {
   Scenario coarse = pullUp(), fine = pullUp();
   // Ice that falls asleep loses a little, too, whatever the step.

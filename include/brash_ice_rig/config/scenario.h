@@ -221,6 +221,7 @@ struct ProcedureConfig {
   double start_gap_m = 0.0;
   double settle_duration_s = 3.0;
   double settle_damping_per_s = 5.0;
+  double rest_duration_s = 0.0;
   double lower_speed_mps = 0.2;
   double lower_clearance_m = 0.2;
   double lift_speed_mps = 0.052;
@@ -236,8 +237,10 @@ struct ProcedureConfig {
       "unfolded_under_ice skips lower and unfold, as the paper's simulations do");
     v("start_gap_m", start_gap_m, Range{0.0, 50.0},
       "unfolded_under_ice: water between rim and ice bottom; folded_above_ice: air between hub and ice top");
-    v("settle_duration_s", settle_duration_s, Range{0.0, 600.0}, "rest before time 0");
-    v("settle_damping_per_s", settle_damping_per_s, Range{0.0, 100.0}, "mass damping during the rest only");
+    v("settle_duration_s", settle_duration_s, Range{0.0, 600.0}, "rest in which the ice finds its balance");
+    v("settle_damping_per_s", settle_damping_per_s, Range{0.0, 100.0}, "mass damping during that rest only");
+    v("rest_duration_s", rest_duration_s, Range{0.0, 600.0},
+      "rest after settling, before time 0; what moves a rig at rest, vessel_heave, begins with it");
     v("lower_speed_mps", lower_speed_mps, Range{0.0, 10.0, true}, "speed of lowering");
     v("lower_clearance_m", lower_clearance_m, Range{0.0, 20.0},
       "water between the folded arm tips and the ice bottom at the end of lowering");

@@ -27,7 +27,7 @@ struct FieldAtCreation {
 
 /// The ice at the end of a step.
 struct IceNow {
-  double time_s;                               ///< 0 at the end of settling
+  double time_s;                               ///< 0 at the end of settling and rest
   double time_step_s;                          ///< > 0
   const std::vector<Eigen::Vector3d>& site_m;  ///< original positions
   const std::vector<Eigen::Vector3d>& position_m;
@@ -57,7 +57,7 @@ struct IceChanges {
 
 /// Rig and crane in the middle of a step.
 struct RigNow {
-  double time_s = 0.0;                                           ///< at the end of the step; 0 at the end of settling
+  double time_s = 0.0;                                           ///< at the end of the step; 0 after settling and rest
   double time_step_s = 0.0;                                      ///< > 0
   Eigen::Vector3d crane_velocity_mps = Eigen::Vector3d::Zero();  ///< of the crane itself, without effects
   Eigen::Vector3d crane_acceleration_mps2 = Eigen::Vector3d::Zero();
@@ -158,9 +158,10 @@ struct Fade {
 };
 Fade computeFade(double u);
 
-/// Motion that begins within kFadeInS after time 0: f(t) times the given path.
-/// @param path  position, velocity and acceleration of the path at time_s
-Motion fadeIn(const Motion& path, double time_s);
+/// Motion that comes up within kFadeInS: f(t) times the given path.
+/// @param path     position, velocity and acceleration now
+/// @param since_s  time since it began to come up
+Motion fadeIn(const Motion& path, double since_s);
 constexpr double kFadeInS = 2.0;
 
 }  // namespace brash_ice_rig

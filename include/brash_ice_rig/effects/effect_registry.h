@@ -73,6 +73,8 @@ struct EffectDescription {
   bool reading_only = false;
   /// Lateral channels of a load cell show it. Of others a change of lateral force counts as scatter.
   bool acts_sideways = false;
+  /// It begins with procedure.rest_duration_s, before the lift. All others begin at time 0.
+  bool acts_at_rest = false;
   /// It uses IceChanges::strength_ratio, or the arrays of mass in IceChanges and FieldAtCreation.
   bool changes_strength = false;
   bool changes_mass = false;

@@ -39,6 +39,8 @@ struct Variant {
   std::string label;  ///< tells the variants of an effect apart
   std::vector<Amplitude> amplitudes;
   std::vector<double> periods_s;  ///< of swell; none of another effect
+  /// Straight lines say nothing of what it does before the lift: that counts where it is simulated.
+  bool hangs_clear = false;
   /// Values of the effect's parameters for given amplitudes, the effect switched on.
   std::function<void(EffectValues&, const Eigen::VectorXd&)> apply;
   /// Estimates of all its parameters that a record can tell.
@@ -56,7 +58,8 @@ std::vector<Variant> makeVariants(const EffectDescription& effect, PositionOrigi
 Variant makeFalls(const std::vector<double>& times_s);
 
 /// vessel_heave with given periods, s, at most 3. Two amplitudes per period: of sine and cosine.
-Variant makeSwell(const std::vector<double>& periods_s);
+/// @param hangs_clear  of the ice before the lift. A rig that knocks at it does so in proportion to the swell, roughly
+Variant makeSwell(const std::vector<double>& periods_s, bool hangs_clear);
 
 /// pole_tilt where lateral channels show its direction. Of a pole that leans: drift, sway of four periods as sine and
 /// cosine, and drift with each of the two longer ones. Of one that stays upright: drift, and sway of the usual period.
@@ -72,7 +75,7 @@ Eigen::VectorXd fallTemplate(double time_s, const Eigen::VectorXd& bin_time_s);
 
 /// What 1 m of heave as sine and as cosine does to the force, N, one column each, from what swell of another period was
 /// simulated to do: ice and net answer within a time that is short against both. For finding its period only.
-/// @param simulated  a row per bin, sine and cosine  @param time_s  of the bins, since the swell began
+/// @param simulated  a row per bin, sine and cosine  @param time_s  of the bins, from where both have phase 0
 /// @param mass_kg    of rig and ice in the bins, whose inertia grows with the square of the pitch
 Eigen::MatrixXd swellResponse(const Eigen::MatrixXd& simulated, double simulated_period_s, double period_s,
                               const Eigen::VectorXd& time_s, const Eigen::VectorXd& mass_kg);

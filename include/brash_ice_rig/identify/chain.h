@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "brash_ice_rig/effects/effect.h"
 #include "brash_ice_rig/identify/identification.h"
 
 namespace brash_ice_rig {
@@ -68,6 +69,11 @@ struct Site {
   /// Arrangements of the blocks from which its scatter is known.
   int seeds() const { return curves.observation.ice_contact ? kEnsemble : 1; }
   Eigen::Index rows() const { return curves.observation.time_s.size(); }
+  /// Bins before the lift.
+  Eigen::Index restRows() const { return (curves.observation.time_s.array() < 0.0).count(); }
+  /// Rest before the lift for what acts at rest, s: all that the record shows, and before that what it takes to come
+  /// up.
+  double restBefore() const { return kFadeInS + std::ceil(std::max(-curves.observation.time_s[0], 0.0)); }
   Eigen::Index own() const { return kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(record); }
   Eigen::VectorXd bins(const SimulatedForce& f, double delay_s = 0.0) const {
     const Eigen::VectorXd& at = curves.observation.time_s;

@@ -50,7 +50,7 @@ Observation makeObservation(const Record& record, const RecordReport& report);
 
 /// What a simulation says of the same quantity, by time since the start of the motion.
 struct SimulatedForce {
-  std::vector<double> time_s;         ///< equidistant
+  std::vector<double> time_s;         ///< equidistant, from 0 or from the rest before it on
   std::vector<double> force_n;        ///< reading less that of the empty rig at the start
   std::vector<double> empty_force_n;  ///< the same without ice: weight less buoyancy
   std::vector<double> way_m;          ///< of the collector since the start; that of the hoist, but for what stretches
@@ -58,11 +58,12 @@ struct SimulatedForce {
 };
 
 /// Reads force.csv of a run.
+/// @param rest_s  of which is of interest before time 0, >= 0
 /// @throws ConfigError, OutputError if it cannot be read
-SimulatedForce readSimulatedForce(const std::string& directory);
+SimulatedForce readSimulatedForce(const std::string& directory, double rest_s = 0.0);
 
-/// Means of a simulated force over the bins of an observation, N. Before its time 0 it is what it is at 0, after its
-/// end what it is there.
+/// Means of a simulated force over the bins of an observation, N. Before its start it is what it is there, after its
+/// end likewise.
 /// @param delay_s  by how much the force comes later
 Eigen::VectorXd binned(const std::vector<double>& time_s, const std::vector<double>& force_n,
                        const Eigen::VectorXd& bin_time_s, double delay_s = 0.0);

@@ -27,7 +27,8 @@ class RunLibrary {
   /// Keeps a way of the hoist for procedure.motion_file. @return its path
   std::string motionFile(const HoistPath& path);
 
-  /// Puts a scenario on the list of what makeMissing() makes, unless it is there. @return its key for force()
+  /// Puts a scenario on the list of what makeMissing() makes, unless it is there.
+  /// @return its key for force()
   std::string request(const Scenario& scenario);
 
   /// Makes what has been requested and is not there yet; tells on stderr how far it is.
@@ -42,13 +43,13 @@ class RunLibrary {
   /// @param key  of request(), made and not failed
   const SimulatedForce& force(const std::string& key);
 
-  std::size_t requested() const { return keys_.size(); }
+  std::size_t requested() const { return rest_s_.size(); }
   std::size_t made() const { return made_; }
 
  private:
   std::string directory_;
   RunPoolOptions pool_;
-  std::map<std::string, bool> keys_;  ///< true: made
+  std::map<std::string, double> rest_s_;  ///< before time 0, of each key that was requested
   std::vector<RunJob> waiting_;
   std::vector<std::string> waiting_keys_;
   std::map<std::string, SimulatedForce> forces_;

@@ -8,7 +8,7 @@
 namespace brash_ice_rig {
 
 struct ForcePoint {
-  double time_s;  ///< of the test; 0 is the end of settling
+  double time_s;  ///< of the test; 0 is the end of settling and rest
   double force_n;
 };
 

@@ -75,7 +75,7 @@ struct PlugOutline {
 
 /// State at one instant. Cheap to copy; particles are fetched apart.
 struct Snapshot {
-  double time_s = 0.0;  ///< 0 is the end of settling; negative before
+  double time_s = 0.0;  ///< 0 is the end of settling and rest; negative before
   Stage stage = Stage::kSettle;
   double force_n = 0.0;                                         ///< load-cell reading with sensor errors and tare
   double tension_n = 0.0;                                       ///< the truth behind it

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
-#include <map>
 #include <optional>
 #include <utility>
 
@@ -59,9 +59,6 @@ struct Parts {
   std::optional<T> found;      ///< with the swings as they seem to have been
   Eigen::VectorXd found_size;  ///< of each, over Swing::size
 };
-
-/// Simulations of a held-out record's swell, each at the phase that the one before leads to.
-constexpr int kPasses = 2;
 
 /// @param first_amplitude  among the model's unknowns
 Parts<Eigen::VectorXd> partsOfUnknowns(const Model& model, Eigen::Index first_amplitude) {
@@ -250,6 +247,31 @@ std::optional<Prediction> predict(const Channels& channels, const Model& model, 
   return p;
 }
 
+/// Straight lines tell how swell was in this record. What it does to a rig that knocks at the ice is no matter of
+/// straight lines: there it is simulated. What predicts the record best counts.
+/// @param by_lines  the former  @param unknown  where the parts were simulated
+Prediction predictSwell(const Prediction& by_lines, Parts<Forces> parts, const Parts<Eigen::VectorXd>& unknown,
+                        const std::function<Forces(const Eigen::VectorXd& at)>& simulated,
+                        const std::function<std::optional<Prediction>(const Parts<Forces>&)>& predicted) {
+  constexpr int kPasses = 2;
+  Prediction best = by_lines, last = by_lines;
+  for (int pass = 0; pass < kPasses; ++pass) {
+    Eigen::VectorXd at = unknown.always;
+    for (std::size_t i = 0; i < unknown.swings.size(); ++i) {
+      at += last.swings[static_cast<Eigen::Index>(i)] * (unknown.swings[i].with - unknown.always);
+    }
+    const Forces found = simulated(at);
+    if (found.empty()) break;
+    parts.found = found;
+    parts.found_size = last.swings;
+    const std::optional<Prediction> with = predicted(parts);
+    if (!with) break;
+    last = *with;
+    if (last.log_density > best.log_density) best = last;
+  }
+  return best;
+}
+
 /// While the hoist moves, m/s.
 double meanSpeed(const HoistPath& path) {
   double way_m = 0.0, moving_s = 0.0;
@@ -352,48 +374,31 @@ void Chain::evaluateHoldout(const Model& baseline, const std::vector<Model>& mod
   constexpr double kSpeedsDiffer = 0.12;  // or both would be among the periods that are tried
   const double speed = meanSpeed(o.path);
   const double slower = speed > 0.0 ? meanSpeed(sites_.front().observation().path) / speed : 1.0;
-  std::map<std::size_t, Parts<Forces>> parts_of;
-  for (const std::size_t k : worth) parts_of[k] = partsOf(models[k], false);
-  // Straight lines tell how swell was in this record. A rig that knocks at the ice is no matter of straight lines: it
-  // is simulated there. What predicts the record best counts.
-  std::map<std::size_t, Prediction> best;
-  for (int pass = 0; pass <= kPasses; ++pass) {
-    std::map<std::size_t, Eigen::VectorXd> next;
-    for (auto& [k, parts] : parts_of) {
-      if (pass > 0 && !parts.found) continue;
-      const std::optional<Prediction> with = predicted(models[k], parts);
-      if (!with) continue;
-      const auto before = best.find(k);
-      if (before == best.end() || with->log_density > before->second.log_density) best[k] = *with;
-      if (pass == kPasses || !swells(parts)) continue;
-      const Parts<Eigen::VectorXd> unknown = partsOfUnknowns(models[k], unknowns());
-      Eigen::VectorXd& at = next[k] = unknown.always;
-      for (std::size_t i = 0; i < unknown.swings.size(); ++i) {
-        at += with->swings[static_cast<Eigen::Index>(i)] * (unknown.swings[i].with - unknown.always);
-      }
-      parts.found_size = with->swings;
-      forcesAt(models[k], at, true);
-    }
-    runs_.makeMissing("held-out record, swell as it was there");
-    for (const auto& [k, at] : next) {
-      parts_of[k].found = forcesAt(models[k], at, false);
-      if (parts_of[k].found->empty()) parts_of[k].found.reset();
-    }
-  }
   predicted_.resize(models.size());
-  for (const auto& [k, with] : best) {
-    predicted_[k] = {with.mean_n.head(site.rows()), errorOf(with)};
+  for (const std::size_t k : worth) {
+    const Model& model = models[k];
+    const Parts<Forces> parts = partsOf(model, false);
+    std::optional<Prediction> with = predicted(model, parts);
+    if (!with) continue;
+    const Prediction by_lines = *with;
+    if (swells(parts)) {
+      const auto simulated = [&](const Eigen::VectorXd& at) {
+        forcesAt(model, at, true);
+        runs_.makeMissing("held-out record, swell as it was there");
+        return forcesAt(model, at, false);
+      };
+      with = predictSwell(by_lines, parts, partsOfUnknowns(model, unknowns()), simulated,
+                          [&](const Parts<Forces>& there) { return predicted(model, there); });
+    }
+    predicted_[k] = {with->mean_n.head(site.rows()), errorOf(*with)};
     Explanation& e = result.ranking[k];
     e.holdout_rmse_n = predicted_[k].error.rmse_n;
-    e.holdout_ratio = std::sqrt(channels.meanSquare(with.mean_n - data) / channels.meanSquare(without.mean_n - data));
-    e.holdout_log_ratio = with.log_density - without.log_density;
+    e.holdout_ratio = std::sqrt(channels.meanSquare(with->mean_n - data) / channels.meanSquare(without.mean_n - data));
+    e.holdout_log_ratio = with->log_density - without.log_density;
     // The sea's period is about the same in a slower lift, a drum's is not.
-    Parts<Forces>& parts = parts_of.at(k);
     if (!swells(parts) || std::abs(std::log(slower)) < kSpeedsDiffer) continue;
     // Both by straight lines: what is simulated where it fits best has an advantage.
-    parts.found.reset();
-    e.holdout_way_log_ratio = e.holdout_log_ratio + predicted(models[k], parts, slower)->log_density -
-                              predicted(models[k], parts)->log_density;
+    e.holdout_way_log_ratio = e.holdout_log_ratio + predicted(model, parts, slower)->log_density - by_lines.log_density;
   }
   RecordCurves& c = site.curves;
   c.baseline_n = as_given.mean_n.head(site.rows());

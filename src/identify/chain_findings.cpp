@@ -58,6 +58,10 @@ Explanation Chain::explain(const Model& model, const Model& baseline, const Dete
   e.detectability = detectability.of(model.effect_columns * x.tail(model.effect_columns.cols()));
   const Eigen::VectorXd error = (data_ - (model.simulated ? model.curve_n : model.fit.mean)).head(record_rows_);
   e.rmse_n = std::sqrt(error.squaredNorm() / static_cast<double>(error.size()));
+  const auto missed = [&](const Model& m) {
+    return (data_ - (m.simulated ? m.curve_n : m.fit.mean)).head(rows).norm();
+  };
+  e.error_ratio = missed(model) / missed(baseline);
   Eigen::Index column = unknowns();
   for (const Variant* v : model.variants) {
     const auto count = static_cast<Eigen::Index>(v->amplitudes.size());

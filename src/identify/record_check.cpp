@@ -1,4 +1,5 @@
 #include "brash_ice_rig/identify/record_check.h"
+#include "brash_ice_rig/rig/collector.h"
 
 #include <algorithm>
 #include <cmath>
@@ -446,6 +447,11 @@ double wholeLift(const Scenario& scenario) {
   return latticeThickness(scenario.field) - iceDraft(scenario) - lowestHubHeight(scenario);
 }
 
+/// By which the force rises where a rig without ice leaves the water for good, N: what has borne it there.
+double emptyRise(const Scenario& scenario) {
+  return Collector(scenario.collector, true).buoyancy(lowestHubHeight(scenario), scenario.water.density_kgpm3);
+}
+
 /// Of the undisturbed ice above the unfolded collector, an octagon, N.
 double iceWeight(const Scenario& scenario) {
   const double area_m2 = 2.0 * std::sqrt(2.0) * scenario.collector.radius_m * scenario.collector.radius_m;
@@ -539,8 +545,8 @@ Rise riseOf(const Samples& samples, const std::vector<double>& mean_n, const Tim
 }
 
 /// Sign, unit and ice contact hang together: all are read from how far the force goes.
-/// @param ice_weight_n  of the ice above the collector
-Findings checkRise(const Rise& rise, double ice_weight_n, double sigma_n) {
+/// @param ice_weight_n  of the ice above the collector  @param empty_rise_n  of a rig that leaves the water without any
+Findings checkRise(const Rise& rise, double ice_weight_n, double empty_rise_n, double sigma_n) {
   const double rise_n = rise.force_n;
   const double ratio = std::abs(rise_n) / ice_weight_n;
   const bool is_curve = std::abs(rise_n) > kCurveSigmas * sigma_n;
@@ -564,7 +570,8 @@ Findings checkRise(const Rise& rise, double ice_weight_n, double sigma_n) {
         {Severity::kRefuse, "force_unit", rise.row, "the force changes by " + far,
          "it is probably in kN (multiply by 1000) or t (by 9807). If the rig is far smaller than assumed, "
          "give `rig` and `ice`"});
-  } else if (ratio < kMinContactRise || std::abs(rise_n) < kClearSigmas * sigma_n) {
+  } else if (ratio < kMinContactRise || std::abs(rise_n) < kClearSigmas * sigma_n ||
+             (ratio < kMinOrdinaryRise && std::abs(rise_n) < empty_rise_n + kClearSigmas * sigma_n)) {
     findings.push_back(
         {Severity::kDegraded, "no_contact", rise.row, "the force never rises above that of the empty rig: by " + far,
          "as the lift without ice of a test it tells bias, drift and noise of the load cell; of the ice it "
@@ -810,7 +817,7 @@ RecordReport checkRecord(const Record& record) {
   const double sigma_n = std::fmax(report.noise_sigma_n, white_n);
   const Rise rise = riseOf(samples, mean_n, *lift, quiet);
   const double ice_weight_n = iceWeight(record.scenario);
-  const Findings wrong_rise = checkRise(rise, ice_weight_n, sigma_n);
+  const Findings wrong_rise = checkRise(rise, ice_weight_n, emptyRise(record.scenario), sigma_n);
   add(wrong_rise);
   add(checkSaturation(samples, *lift, report.resolution_n, white_n));
   // Without ice, or in another unit, there is no curve to resolve.

@@ -44,6 +44,12 @@ bool heldOutSpeaksAgainst(const Explanation& e, const Identification& result, co
   return e.holdout_log_ratio <= thresholds.holdout_log_ratio || goesWithTheWay(e, result, thresholds);
 }
 
+/// Whether an effect makes the curve of a record far worse. What its law may be off grows with it, and enough of that
+/// makes anything probable, a ripple say, that the effect itself says nothing of.
+bool missesTheCurve(const Explanation& e, const Thresholds& thresholds) {
+  return e.error_ratio > thresholds.error_ratio || e.holdout_ratio > thresholds.error_ratio;
+}
+
 /// Whether two effects do much the same to the force: on this record, or as is known of them.
 bool areOfOneClass(const std::string& a, const std::string& b, const std::vector<ConfusableSet>& confusable) {
   const auto declares = [](const std::string& one, const std::string& other) {
@@ -129,7 +135,7 @@ void decide(Identification& result, const RecordReport& report, const Thresholds
   };
   const auto holds = [&](const Explanation& e) {
     if (e.effects.size() > 1 && !earnsItsPlace(e)) return false;
-    return stands(e, thresholds) && !heldOutSpeaksAgainst(e, result, thresholds) &&
+    return stands(e, thresholds) && !heldOutSpeaksAgainst(e, result, thresholds) && !missesTheCurve(e, thresholds) &&
            (!excess || e.explained_ratio >= thresholds.explained_ratio);
   };
   // Without references, evidence also measures how well an effect looks like what the simulator is off for every lift.
@@ -146,7 +152,7 @@ void decide(Identification& result, const RecordReport& report, const Thresholds
     if (best->effects.size() == 1) {
       for (const Explanation& e : result.ranking) {
         if (e.effects == best->effects || e.effects.size() != 1 || e.log_bayes_factor <= 0.0) continue;
-        if (heldOutSpeaksAgainst(e, result, thresholds)) continue;
+        if (heldOutSpeaksAgainst(e, result, thresholds) || missesTheCurve(e, thresholds)) continue;
         if ((untaught && holds(e)) || isRival(e, *best, result.confusable, thresholds)) {
           contenders.push_back(&e);
         }
@@ -189,6 +195,14 @@ void describe(Identification& result, const Thresholds& thresholds) {
         }
         text.push_back(nearest + ".");
         if (goesWithTheWay(e, result, thresholds)) text.push_back(describeTheWay(e));
+        if (missesTheCurve(e, thresholds)) {
+          text.push_back("With " + joined(e.effects, "and") + " the error is " + shortNumber(e.error_ratio) +
+                         " times that without on this record" +
+                         (std::isfinite(e.holdout_ratio)
+                              ? ", " + shortNumber(e.holdout_ratio) + " times on the held-out one"
+                              : "") +
+                         ": it is not the curve that it explains.");
+        }
       }
       break;
     case Verdict::kNone:

@@ -50,6 +50,19 @@ TEST(Verdict, AnEffectIsNamedThatExceedsItsThreshold) {
   EXPECT_EQ(decided(ranked({found({"drainage"}, 6.0)})).verdict, Verdict::kUnknown);
 }
 
+TEST(Verdict, WhatMakesTheCurveFarWorseIsNotNamed) {
+  // What an effect's law may be off grows with it, and explains any ripple if it is large enough.
+  Explanation wild = found({"drainage"}, 20.0);
+  wild.error_ratio = 2.1;
+  EXPECT_EQ(decided(ranked({wild})).verdict, Verdict::kUnknown);
+  EXPECT_EQ(decided(ranked({found({"block_drop"}, 18.0), wild})).effects, Names{"block_drop"}) << "nor is it a rival";
+  wild.error_ratio = 1.9;
+  EXPECT_EQ(decided(ranked({wild})).effects, Names{"drainage"});
+  wild.holdout_log_ratio = 30.0;
+  wild.holdout_ratio = 2.1;
+  EXPECT_EQ(decided(ranked({wild})).verdict, Verdict::kUnknown);
+}
+
 TEST(Verdict, RecordsWithoutReferencesOfTheirProcedureAreNamed) {
   Identification result = decided(ranked({}, 1.0));
   result.records.resize(1);

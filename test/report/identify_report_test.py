@@ -182,6 +182,14 @@ class Verdicts(TemporaryReport):
         stronger["holdout_way_log_ratio"] = None
         stronger["holdout_log_ratio"] = None
         self.assertIn("but it is not named: d′ is 4.2, it explains 30 % of what is left unexplained.", self.box(report))
+        stronger["error_ratio"] = 5.8
+        self.assertIn("but it is not named: with it the curve is 5.8 times as far from this record as without",
+                      self.box(report))
+        stronger["error_ratio"] = 1.9
+        stronger["holdout_ratio"] = 2.1
+        self.assertIn("but it is not named: with it the curve is 2.1 times as far from the unseen record as without",
+                      self.box(report))
+        stronger["holdout_ratio"] = 0.9
         stronger["explained_ratio"] = None
         self.assertIn("but it is not named: d′ is 4.2.", self.box(report))
         stronger["confirmed"] = False

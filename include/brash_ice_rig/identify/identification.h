@@ -50,6 +50,7 @@ struct Explanation {
   double detectability = 0.0;  ///< d' of what was found
   bool confirmed = false;      ///< by simulation with the effect switched on
   double rmse_n = 0.0;
+  double error_ratio = 0.0;     ///< error over that without the effect; with the lateral channels where they matter
   double holdout_rmse_n = 0.0;  ///< of the held-out record's vertical force; NaN without one
   double holdout_ratio = 0.0;  ///< error of the held-out record over that without the effect, all channels; NaN without
   /// ln of how much more probable the held-out record is with it than without; NaN without.

@@ -15,6 +15,7 @@ struct Thresholds {
   double portmanteau_chi2_per_bin = 1.15;  ///< and chi² is above this
   double explained_ratio = 0.35;           ///< of the excess of chi², that an effect must explain
   double holdout_log_ratio = -1.0;         ///< ln of the held-out record's odds with the effect, to be exceeded
+  double error_ratio = 2.0;                ///< of either record's error to that without the effect, not to be exceeded
   double rival_nats = 3.0;                 ///< evidence of both records this close tells no effects apart
   double rival_share = 0.25;               ///< or as close as this share of the better one's: no law is nature's
   double rival_correlation = 0.9;          ///< of what two effects do to the force; above it they are of one class

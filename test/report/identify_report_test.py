@@ -195,6 +195,13 @@ class Verdicts(TemporaryReport):
         stronger["confirmed"] = False
         self.assertIn("but it is not named: it was not simulated in full.", self.box(report))
 
+    def test_tie_with_a_small_residual_does_not_call_it_large(self):
+        report = made_report("tie")
+        report["significance"]["significant"] = True
+        self.assertIn("The residual is no accident", self.box(report))
+        report["significance"]["significant"] = False
+        self.assertIn("The residual is small, and these make the record more probable all the same", self.box(report))
+
     def test_unknown_by_evidence_alone_says_what_the_held_out_record_has_against_it(self):
         report = made_report("unknown")
         title = identify_report.effect_title(report["ranking"][0]["effects"][0])

@@ -65,20 +65,15 @@ double secondsSince(WallClock::time_point start) {
   return std::chrono::duration<double>(WallClock::now() - start).count();
 }
 
-/// Simulated time before time 0, s.
-double timeBeforeZero(const ProcedureConfig& procedure) {
-  return procedure.settle_duration_s + procedure.rest_duration_s;
-}
-
 /// Simulated time that the script will take, settling included, s. An estimate: it leaves out the crane's ramps.
 double expectedDuration(const Scenario& scenario) {
   const ProcedureConfig& procedure = scenario.procedure;
   if (procedure.control == ControlMode::kManual) {
-    return timeBeforeZero(procedure) + readCommands(procedure.commands_file).back().time_s;
+    return procedure.timeBeforeZero() + readCommands(procedure.commands_file).back().time_s;
   }
   const double lift_s =
       procedure.motion_file.empty() ? procedure.lift_duration_s : CraneMotion::read(procedure.motion_file).duration();
-  double duration_s = timeBeforeZero(procedure) + lift_s + procedure.hold_duration_s;
+  double duration_s = procedure.timeBeforeZero() + lift_s + procedure.hold_duration_s;
   if (procedure.start == StartPose::kFoldedAboveIce) {
     const double way_m = startHubHeight(scenario) - lowestHubHeight(scenario);
     duration_s += way_m / procedure.lower_speed_mps;
@@ -91,7 +86,7 @@ double expectedDuration(const Scenario& scenario) {
 class Progress {
  public:
   explicit Progress(const Scenario& scenario)
-      : before_zero_s_(timeBeforeZero(scenario.procedure)), total_s_(expectedDuration(scenario)) {}
+      : before_zero_s_(scenario.procedure.timeBeforeZero()), total_s_(expectedDuration(scenario)) {}
 
   void show(const Snapshot& snapshot) {
     const double wall_s = secondsSince(start_);

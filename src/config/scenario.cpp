@@ -151,7 +151,7 @@ void checkCommands(const ProcedureConfig& procedure) {
   const std::vector<RigCommand> commands = readCommands(procedure.commands_file);
   // As in the simulation, the rest lasts a whole number of samples.
   constexpr double kRoundingS = 1.0;
-  if (commands.front().time_s < -procedure.settle_duration_s - procedure.rest_duration_s - kRoundingS) {
+  if (commands.front().time_s < -procedure.timeBeforeZero() - kRoundingS) {
     throw ConfigError("procedure.commands_file", procedure.commands_file,
                       "begins at " + formatNumber(commands.front().time_s) +
                           " s, before the test: 0 is the end of settling and rest (procedure.settle_duration_s = " +

@@ -85,8 +85,7 @@ std::vector<std::string> Chain::requestSignature(const Site& site, const Variant
       s.field.seed = static_cast<std::uint64_t>(seed);
       Eigen::VectorXd a = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(v.amplitudes.size()));
       a[static_cast<Eigen::Index>(k)] = v.amplitudes[k].step;
-      v.apply(s.effects[v.effect->name], a);
-      if (v.effect->acts_at_rest) s.procedure.rest_duration_s = site.restBefore();
+      site.apply(v, a, s);
       try {
         s.validate();
       } catch (const ConfigError&) {

@@ -56,12 +56,11 @@ Explanation Chain::explain(const Model& model, const Model& baseline, const Dete
   e.portmanteau_p = computeLjungBox(whitened(model), kPortmanteauLags);
   const Eigen::VectorXd x = model.simulated ? model.x : model.fit.x;
   e.detectability = detectability.of(model.effect_columns * x.tail(model.effect_columns.cols()));
-  const Eigen::VectorXd error = (data_ - (model.simulated ? model.curve_n : model.fit.mean)).head(record_rows_);
-  e.rmse_n = std::sqrt(error.squaredNorm() / static_cast<double>(error.size()));
-  const auto missed = [&](const Model& m) {
-    return (data_ - (m.simulated ? m.curve_n : m.fit.mean)).head(rows).norm();
+  const auto missed = [&](const Model& m, Eigen::Index count) {
+    return (data_ - (m.simulated ? m.curve_n : m.fit.mean)).head(count).squaredNorm();
   };
-  e.error_ratio = missed(model) / missed(baseline);
+  e.rmse_n = std::sqrt(missed(model, record_rows_) / static_cast<double>(record_rows_));
+  e.error_ratio = std::sqrt(missed(model, rows) / missed(baseline, rows));
   Eigen::Index column = unknowns();
   for (const Variant* v : model.variants) {
     const auto count = static_cast<Eigen::Index>(v->amplitudes.size());

@@ -105,8 +105,7 @@ Scenario Chain::scenarioAt(const Site& site, const Eigen::VectorXd& x, const std
   Eigen::Index column = unknowns();
   for (const Variant* v : variants) {
     const auto count = static_cast<Eigen::Index>(v->amplitudes.size());
-    if (!v->effect->reading_only) v->apply(s.effects[v->effect->name], x.segment(column, count));
-    if (v->effect->acts_at_rest) s.procedure.rest_duration_s = site.restBefore();
+    if (!v->effect->reading_only) site.apply(*v, x.segment(column, count), s);
     column += count;
   }
   return s;

@@ -1,5 +1,4 @@
 #include "brash_ice_rig/identify/record_check.h"
-#include "brash_ice_rig/rig/collector.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,6 +6,8 @@
 #include <limits>
 #include <numeric>
 #include <utility>
+
+#include "brash_ice_rig/rig/collector.h"
 
 namespace brash_ice_rig {
 namespace {

@@ -26,8 +26,9 @@ CraneMotion CraneMotion::read(const std::string& path) {
     if (!std::isfinite(time[row]) || !std::isfinite(height[row])) {
       throw refuse(line + "time_s and hoist_position_m must be numbers");
     }
-    if (row == 0 && time[row] < 0.0)
+    if (row == 0 && time[row] < 0.0) {
       throw refuse(line + "time_s must not be negative: 0 is the end of settling and rest");
+    }
     if (row > 0 && time[row] <= time[row - 1]) throw refuse(line + "time_s must increase from row to row");
   }
   return {time, height};

@@ -64,8 +64,8 @@ def record(role, source="synthetic"):
 def ranked(effects, evidence, threshold, explained, detectability, confirmed, rmse_n, holdout_n):
     return {"effects": effects, "name": " and ".join(effects), "log_bayes_factor": evidence, "threshold": threshold,
             "explained_ratio": explained, "chi2_per_bin": 1.05, "portmanteau_p": 0.3, "detectability": detectability,
-            "confirmed": confirmed, "rmse_n": rmse_n, "error_ratio": 0.5, "holdout_rmse_n": holdout_n, "holdout_ratio": 0.4,
-            "holdout_log_ratio": 12.0, "holdout_way_log_ratio": None,
+            "confirmed": confirmed, "rmse_n": rmse_n, "error_ratio": 0.5, "holdout_rmse_n": holdout_n,
+            "holdout_ratio": 0.4, "holdout_log_ratio": 12.0, "holdout_way_log_ratio": None,
             "parameters": [{"key": f"effects.{name}.amount_1", "unit": "1", "value": 0.27, "low": 0.21, "high": 0.33,
                             "prior_low": 0.0, "prior_high": 0.6} for name in effects],
             "baseline_change": [{"key": "ice.void_fraction", "unit": "1", "from": 0.58, "to": 0.601}], "note": ""}
@@ -106,8 +106,8 @@ def made_report(verdict="effect", effects=None, source="synthetic", holdout=True
                         "how_to_tell": "Known weights on the hook, or a lift without ice."}],
         "next_experiment": [{"text": "Hold the collector for 60 s after the lift: water drains smoothly and then "
                                      "stops, blocks fall in steps.", "separates": ["drainage", "block_drop"]}],
-        "kappa": 1.2, "thresholds": {"log_bayes_factor": 6.0, "holdout_log_ratio": -1.0, "error_ratio": 2.0, "null_records": 60,
-                                     "file": "config/identify/thresholds.yaml"},
+        "kappa": 1.2, "thresholds": {"log_bayes_factor": 6.0, "holdout_log_ratio": -1.0, "error_ratio": 2.0,
+                                     "null_records": 60, "file": "config/identify/thresholds.yaml"},
         "noise": {"white_n": 71.0, "slow_n": 46.0}, "discrepancy": {
             "from_references": True, "amplitude_n": 210.0, "length_m": 0.21},
         "runs": {"needed": 75, "made": 31, "wall_s": 412.0}, "series": fit,

@@ -230,6 +230,9 @@ struct ProcedureConfig {
   std::string motion_file;
   std::string commands_file;
 
+  /// Simulated time before time 0, s.
+  double timeBeforeZero() const { return settle_duration_s + rest_duration_s; }
+
   template <class Visitor>
   void visit(Visitor& v) {
     v("control", control, {"scripted", "manual"}, "who drives crane and fold: this script, or commands from outside");

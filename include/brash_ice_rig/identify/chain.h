@@ -74,6 +74,11 @@ struct Site {
   /// Rest before the lift for what acts at rest, s: all that the record shows, and before that what it takes to come
   /// up.
   double restBefore() const { return kFadeInS + std::ceil(std::max(-curves.observation.time_s[0], 0.0)); }
+  /// Switches an effect on in a scenario of this record, with as much rest before the lift as it needs.
+  void apply(const Variant& v, const Eigen::VectorXd& amplitudes, Scenario& s) const {
+    v.apply(s.effects[v.effect->name], amplitudes);
+    if (v.effect->acts_at_rest) s.procedure.rest_duration_s = restBefore();
+  }
   Eigen::Index own() const { return kIceUnknowns + kOwnUnknowns * static_cast<Eigen::Index>(record); }
   Eigen::VectorXd bins(const SimulatedForce& f, double delay_s = 0.0) const {
     const Eigen::VectorXd& at = curves.observation.time_s;

@@ -25,7 +25,7 @@ class Procedure {
   };
 
   /// Moves to the next stage when the present one is complete, and says what to do in the coming step.
-  /// @param time_s  0 at the end of settling
+  /// @param time_s  0 at the end of settling and rest
   Order step(double time_s, double time_step_s, const Crane& crane, const Collector& collector, double hub_height_m);
 
   Stage stage() const { return stage_; }

@@ -32,7 +32,7 @@ const char* pullUpStageName(PullUpStage stage);
 
 /// Drives crane and fold through one pull-up by the commands of manual control. Decides once per sample of the load
 /// cell, by simulated time and what the rig shows, so that an order given at one sample always has the same result. A
-/// lift from the end of settling gives the same bits as the script with the same speed and duration.
+/// lift from time 0 gives the same bits as the script with the same speed and duration.
 class PullUpSequence {
  public:
   /// @param order  has passed checkPullUpOrder()

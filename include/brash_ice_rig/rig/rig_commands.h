@@ -10,7 +10,7 @@ namespace brash_ice_rig {
 
 /// What the simulation was told at one step, and heeded.
 struct RigCommand {
-  double time_s = 0.0;  ///< of the test, at the beginning of the step that obeys it first; 0: end of settling
+  double time_s = 0.0;  ///< of the test, at the beginning of the step that obeys it first; 0: end of settling and rest
   std::optional<Eigen::Vector3d> velocity_mps;   ///< of the crane tip, frame map; finite
   std::optional<double> fold_target;             ///< 0..1
   bool tare = false;                             ///< the reading at this time becomes zero

@@ -2,7 +2,6 @@
 
 #include <geometry_msgs/WrenchStamped.h>
 
-#include "brash_ice_rig/Step.h"
 #include "test_support.h"
 
 namespace brash_ice_rig {
@@ -20,12 +19,7 @@ class RunControl : public testing::Test {
 
   bool waitForStatus(const std::function<bool(const SimStatus&)>& condition) { return status_.waitForNew(condition); }
 
-  static Step::Response step(double duration_s) {
-    Step step;
-    step.request.duration_s = duration_s;
-    EXPECT_TRUE(ros::service::call("rig_node/step", step));
-    return step.response;
-  }
+  static Step::Response step(double duration_s) { return callStep("rig_node/step", duration_s); }
 
   Listener<SimStatus> status_{"sim/status"};
   Listener<rosgraph_msgs::Clock> clock_{"/clock"};

@@ -11,6 +11,7 @@
 #include <std_srvs/Trigger.h>
 
 #include "brash_ice_rig/SimStatus.h"
+#include "brash_ice_rig/Step.h"
 
 // What the node's tests share. Waiting is by wall time throughout: ROS time is the thing under test.
 namespace brash_ice_rig {
@@ -87,6 +88,14 @@ inline std_srvs::Trigger::Response callTrigger(const std::string& name) {
   EXPECT_TRUE(ros::service::waitForService(name, 15000)) << name;
   EXPECT_TRUE(ros::service::call(name, trigger)) << name;
   return trigger.response;
+}
+
+/// Runs a paused node on, e.g. with the service "rig_node/step".
+inline Step::Response callStep(const std::string& name, double duration_s) {
+  Step step;
+  step.request.duration_s = duration_s;
+  EXPECT_TRUE(ros::service::call(name, step)) << name;
+  return step.response;
 }
 
 /// Position of a flag's bit in flag_names and remedies, or -1 if it is not raised.

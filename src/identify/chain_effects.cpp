@@ -97,36 +97,39 @@ std::vector<std::string> Chain::requestSignature(const Site& site, const Variant
   return keys;
 }
 
-Eigen::MatrixXd Chain::signature(const Site& site, const Variant& v) {
+/// What each amplitude does to the force on one arrangement of the blocks, per unit.
+Eigen::MatrixXd Chain::signature(const Site& site, const Variant& v, int seed) {
   const auto count = static_cast<Eigen::Index>(v.amplitudes.size());
   Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(site.rows(), count);
   if (site.direction_rad && !v.effect->acts_sideways) return columns;
-  const int pairs = pairsOf(v);
-  std::vector<SimulatedForce> plain;
-  std::vector<Eigen::VectorXd> before;
-  for (int seed = 1; seed <= pairs; ++seed) {
-    plain.push_back(corrected(site, requestBaseline(site, std::min(seed, site.seeds()))));
-    before.push_back(site.bins(plain.back()));
-  }
+  const SimulatedForce plain = corrected(site, requestBaseline(site, std::min(seed, site.seeds())));
+  const Eigen::VectorXd before = site.bins(plain);
   const std::vector<std::string> keys = requestSignature(site, v);
   for (Eigen::Index k = 0; k < count; ++k) {
     const double step = v.amplitudes[static_cast<std::size_t>(k)].step;
-    for (std::size_t pair = 0; pair < plain.size(); ++pair) {
-      if (v.effect->reading_only) {
-        Eigen::VectorXd a = Eigen::VectorXd::Zero(count);
-        a[k] = step;
-        EffectValues values(*v.effect);
-        v.apply(values, a);
-        columns.col(k) +=
-            (site.bins(throughLoadCell(values, site.scenario, plain[pair])) - before[pair]) / (step * pairs);
-      } else if (!keys.empty()) {
-        const std::string& key = keys[static_cast<std::size_t>(k) * plain.size() + pair];
-        if (!runs_.failed(key)) columns.col(k) += (site.bins(corrected(site, key)) - before[pair]) / (step * pairs);
-      }
+    if (v.effect->reading_only) {
+      Eigen::VectorXd a = Eigen::VectorXd::Zero(count);
+      a[k] = step;
+      EffectValues values(*v.effect);
+      v.apply(values, a);
+      columns.col(k) = (site.bins(throughLoadCell(values, site.scenario, plain)) - before) / step;
+    } else if (!keys.empty()) {
+      const std::string& key = keys[static_cast<std::size_t>(k * pairsOf(v) + seed - 1)];
+      if (!runs_.failed(key)) columns.col(k) = (site.bins(corrected(site, key)) - before) / step;
     }
   }
   if (v.hangs_clear) columns.topRows(site.restRows()).setZero();
   return columns;
+}
+
+/// The same of all records, on each arrangement.
+std::vector<Eigen::MatrixXd> Chain::signaturesOf(const Variant& v) {
+  std::vector<Eigen::MatrixXd> all;
+  for (int seed = 1; seed <= pairsOf(v); ++seed) {
+    all.emplace_back(data_.size(), static_cast<Eigen::Index>(v.amplitudes.size()));
+    for (const Site& site : sites_) all.back().middleRows(site.first_row, site.rows()) = signature(site, v, seed);
+  }
+  return all;
 }
 
 void Chain::computeSignatures(const std::vector<const Variant*>& variants, const std::string& what) {
@@ -135,9 +138,10 @@ void Chain::computeSignatures(const std::vector<const Variant*>& variants, const
   }
   runs_.makeMissing(what);
   for (const Variant* v : variants) {
-    Eigen::MatrixXd columns(data_.size(), static_cast<Eigen::Index>(v->amplitudes.size()));
-    for (const Site& site : sites_) columns.middleRows(site.first_row, site.rows()) = signature(site, *v);
-    signatures_[v] = columns;
+    const std::vector<Eigen::MatrixXd> all = signaturesOf(*v);
+    signatures_[v] = all.front();
+    for (std::size_t k = 1; k < all.size(); ++k) signatures_[v] += all[k];
+    signatures_[v] /= static_cast<double>(all.size());
   }
 }
 

@@ -88,15 +88,16 @@ Explanation Chain::explain(const Model& model, const Model& baseline, const Dete
   return e;
 }
 
-void Chain::addDetectable(Identification& result, const Detectability& detectability) const {
+void Chain::addDetectable(Identification& result, const Detectability& detectability) {
   struct Seen {
     const EffectDescription* effect;
     Eigen::VectorXd change;
   };
   std::vector<Seen> seen;
   std::set<std::string> told;
-  const auto add = [&](const EffectDescription& effect, const Amplitude& amplitude, const Eigen::VectorXd& column) {
-    const double per_unit = detectability.of(column);
+  const auto add = [&](const EffectDescription& effect, const Amplitude& amplitude,
+                       const std::vector<Eigen::VectorXd>& columns) {
+    const double per_unit = detectability.ofRepeats(columns);
     DetectableMagnitude m;
     m.effect = effect.name;
     for (const EffectParameter& p : effect.parameters) {
@@ -108,8 +109,16 @@ void Chain::addDetectable(Identification& result, const Detectability& detectabi
     m.expected_detectability = per_unit * std::max(amplitude.prior_sigma, std::abs(amplitude.prior_mean));
     if (told.insert(m.key).second) {
       result.minimum_detectable.push_back(m);
-      if (m.expected_detectability > 1.0) seen.push_back({&effect, column});
+      if (m.expected_detectability <= 1.0) return;
+      seen.push_back({&effect, Eigen::VectorXd::Zero(data_.size())});
+      for (const Eigen::VectorXd& column : columns) seen.back().change += column;
     }
+  };
+  // On each arrangement of the blocks: of the scatter among them, much is left in the mean of two.
+  const auto columnOn = [this](const Variant& v, std::size_t amplitude) {
+    std::vector<Eigen::VectorXd> columns;
+    for (const Eigen::MatrixXd& all : signaturesOf(v)) columns.push_back(all.col(static_cast<Eigen::Index>(amplitude)));
+    return columns;
   };
   // The middle of the shapes of each effect; falls and swell at a place of their own.
   for (const EffectDescription& effect : effectRegistry()) {
@@ -119,15 +128,15 @@ void Chain::addDetectable(Identification& result, const Detectability& detectabi
       Eigen::VectorXd column = Eigen::VectorXd::Zero(data_.size());
       const double late = 0.6 * site.observation().time_s[site.rows() - 1];
       column.segment(site.first_row, site.rows()) = fallTemplate(late, site.observation().time_s);
-      add(effect, makeFalls({late}).amplitudes[0], column);
+      add(effect, makeFalls({late}).amplitudes[0], {column});
       continue;
     }
     if (name == "vessel_heave" && swell_) {
-      add(effect, swell_->amplitudes[0], signatures_.at(swell_.get()).col(0));
+      add(effect, swell_->amplitudes[0], columnOn(*swell_, 0));
       continue;
     }
     for (const auto& [v, k] : typicalAmplitudes(effect)) {
-      add(effect, v->amplitudes[k], signatures_.at(v).col(static_cast<Eigen::Index>(k)));
+      add(effect, v->amplitudes[k], columnOn(*v, k));
     }
   }
   for (std::size_t i = 0; i < seen.size(); ++i) {

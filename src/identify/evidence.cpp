@@ -341,6 +341,19 @@ double Detectability::of(const Eigen::VectorXd& change) const {
   return std::sqrt(std::max(0.0, change.dot(inverse_ * change)));
 }
 
+double Detectability::ofRepeats(const std::vector<Eigen::VectorXd>& repeats) const {
+  assert(!repeats.empty());
+  if (repeats.size() == 1) return of(repeats.front());
+  double sum = 0.0, count = 0.0;
+  for (std::size_t i = 0; i < repeats.size(); ++i) {
+    for (std::size_t k = 0; k < i; ++k) {
+      sum += repeats[i].dot(inverse_ * repeats[k]);
+      count += 1.0;
+    }
+  }
+  return std::sqrt(std::max(0.0, sum / count));
+}
+
 double Detectability::correlation(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const {
   const double norms = of(a) * of(b);
   return norms > 0.0 ? a.dot(inverse_ * b) / norms : 0.0;

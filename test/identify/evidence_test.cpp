@@ -168,6 +168,21 @@ TEST(Detectability, IsTheWhitenedNormOfWhatTheBaselineCannotExplain) {
   EXPECT_NEAR(Detectability(none, smallErrors(), 1.0).of(Eigen::Vector4d(1, 0, 0, 1)), std::sqrt(5.0 + 2.0), 1e-12);
 }
 
+TEST(Detectability, OfRepeatsHasNoPartOfTheirScatter) {
+  LinearModel none = smallModel();
+  none.columns = Eigen::MatrixXd::Zero(4, 2);
+  ErrorModel unit;
+  unit.noise = Eigen::Matrix4d::Identity();
+  unit.discrepancy = Eigen::Matrix4d::Zero();
+  const Detectability d(none, unit, 1.0);
+  const Eigen::Vector4d change(3, 0, 0, 0), one(0, 4, 0, 0), two(0, 0, 4, 0), three(0, 0, 0, 4);
+  EXPECT_NEAR(d.of((change + one + change + two) / 2.0), std::sqrt(9.0 + 8.0), 1e-12) << "the mean has some";
+  EXPECT_NEAR(d.ofRepeats({change + one, change + two}), 3.0, 1e-12);
+  EXPECT_NEAR(d.ofRepeats({change + one, change + two, change + three}), 3.0, 1e-12);
+  EXPECT_NEAR(d.ofRepeats({change + one}), 5.0, 1e-12) << "one tells no scatter";
+  EXPECT_EQ(d.ofRepeats({one, -one}), 0.0);
+}
+
 TEST(LjungBox, PValueIsThatOfTheTextbook) {
   Eigen::VectorXd v(12);
   v << 0.3, -1.1, 0.8, 0.9, -0.2, 0.1, 1.4, -0.7, 0.05, -0.6, 0.2, 0.45;

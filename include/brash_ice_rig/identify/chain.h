@@ -170,7 +170,8 @@ class Chain {
   bool settle(std::vector<const Variant*> variants);
   void computeSignatures(const std::vector<const Variant*>& variants, const std::string& what);
   std::vector<std::string> requestSignature(const Site& site, const Variant& variant);
-  Eigen::MatrixXd signature(const Site& site, const Variant& variant);
+  Eigen::MatrixXd signature(const Site& site, const Variant& variant, int seed);
+  std::vector<Eigen::MatrixXd> signaturesOf(const Variant& variant);
   LinearModel linearModel(const Model& model) const;
   Eigen::MatrixXd formErrors(const Model& model, const Eigen::VectorXd& amplitudes) const;
   void refit(Model& model) const;
@@ -196,7 +197,7 @@ class Chain {
   ErrorModel heldOutErrors(std::vector<Site>& sites, const Eigen::VectorXd& without_n) const;
   void evaluateHoldout(const Model& baseline, const std::vector<Model>& models, Identification& result);
   void addCurves(const Model& baseline, const Model* best, Identification& result) const;
-  void addDetectable(Identification& result, const Detectability& detectability) const;
+  void addDetectable(Identification& result, const Detectability& detectability);
 
   const IdentifyInput& input_;
   bool baseline_only_ = false;

@@ -65,8 +65,8 @@ struct Explanation {
 
 struct DetectableMagnitude {
   std::string effect, key, unit;
-  double value = 0.0;                   ///< at d' = Thresholds::detectability
-  double expected_detectability = 0.0;  ///< of an effect as large as its prior expects
+  double value = 0.0;  ///< at d' = Thresholds::detectability; NaN if arrangements of the blocks agree on nothing
+  double expected_detectability = 0.0;  ///< of an effect as large as its prior expects, without their scatter
 };
 
 struct ConfusableSet {

@@ -287,9 +287,8 @@ def coverage(case):
     for effect in case.sealed_fit["effects"]:
         name, p = effect["name"], effect["parameters"]
         if name == "block_drop":
-            for drop, number in zip(sorted(p["drops"], key=lambda drop: drop["time_s"]),
-                                    fitted_drops(entry, len(p["drops"]))):
-                compare(f"mass_{number}_kg", drop["mass_kg"])
+            for number, mass_kg in fitted_drops(entry, p["drops"]):
+                compare(f"mass_{number}_kg", mass_kg)
         elif name == "vessel_heave":
             for number, amplitude_m, period_s in fitted_lines(entry, p["amplitudes_m"], p["periods_s"]):
                 compare(f"amplitude_{number}_m", amplitude_m)
@@ -299,15 +298,22 @@ def coverage(case):
     return found
 
 
-def fitted_drops(entry, count):
-    """Numbers of the `count` largest fitted falls, in their order in time."""
+def fitted_drops(entry, drops):
+    """(number of a fitted fall, true mass) of the largest fitted falls, as many as there are true ones, in their order.
+
+    Where fewer were found, the last of them stands for all that are left: falls within a few seconds are one step.
+    """
     falls = []
     for number in (1, 2, 3):
         mass, time = parameter_of(entry, f"mass_{number}_kg"), parameter_of(entry, f"time_{number}_s")
         if mass and math.isfinite(mass["value"]):
             falls.append((mass["value"], time["value"] if time else float(number), number))
-    largest = sorted(falls, reverse=True)[:count]
-    return [number for _, _, number in sorted(largest, key=lambda fall: fall[1])]
+    largest = sorted(falls, reverse=True)[:len(drops)]
+    numbers = [number for _, _, number in sorted(largest, key=lambda fall: fall[1])]
+    masses = [drop["mass_kg"] for drop in sorted(drops, key=lambda drop: drop["time_s"])]
+    if numbers:
+        masses[len(numbers) - 1:] = [sum(masses[len(numbers) - 1:])]
+    return list(zip(numbers, masses))
 
 
 def fitted_lines(entry, amplitudes_m, periods_s):
@@ -572,8 +578,9 @@ def markdown(result, made):
         "The truth's laws differ from the library's, so that only some parameters can be compared: the held water, "
         "bias, delay of the load cell and the speed lost at 12 kN directly; the calibration error and the compliance "
         "as the line through the origin that fits the sealed curves best; the porosity as the straight line nearest to "
-        "its cosine; masses of blocks in the order of their falls; swell by nearest period. Intervals are those of the "
-        "full simulation with exactly the true effects, whatever the verdict was.",
+        "its cosine; masses of blocks in the order of their falls, the last that was found for all that are left; "
+        "swell by nearest period. Intervals are those of the full simulation with exactly the true effects, whatever "
+        "the verdict was.",
         intervals if result.coverages else "None could be compared."]
     if kinds:
         parts.append("Left out: " + "; ".join(f"`{name}`, {NOT_COMPARED[name]}" for name in kinds) + ".")

@@ -13,14 +13,14 @@ constexpr double kLeastShare = 0.1;
 
 /// Blocks fall off the collector's edge. A block is smaller than what the continuum sees, so the ice that lies on the
 /// collector loses its mass: in each fall the given mass leaves within the given time, with a rate that begins and ends
-/// at 0, most of it near the rim (weight of a particle: its distance from the axis squared). What leaves takes its
-/// momentum along: the velocity of the rest does not change.
-/// Taken from is ice over the hub, within the collector's reach, and raised by more than a spacing; where that is not
-/// enough, the rest of the mass does not fall.
+/// at 0, most of it near the rim (weight of a particle: its distance from the axis squared, times its share above the
+/// water, because what is afloat does not fall). What leaves takes its momentum along: the velocity of the rest does
+/// not change. Taken from is ice over the hub, within the arms' length, and raised by more than a spacing; where that
+/// is not enough, the rest of the mass does not fall. What lies beyond the rim is carried by the ice around it as well.
 class BlockDrop : public Effect {
  public:
   BlockDrop(const EffectValues& values, const Scenario& scenario)
-      : reach_(armLength(scenario.collector) + scenario.field.spacing_m), spacing_(scenario.field.spacing_m) {
+      : reach_(armLength(scenario.collector)), spacing_(scenario.field.spacing_m) {
     for (int k = 0; k < kFalls; ++k) {
       const std::string number = std::to_string(k + 1);
       falls_[static_cast<std::size_t>(k)] = {values["mass_" + number + "_kg"], values["time_" + number + "_s"],
@@ -43,8 +43,11 @@ class BlockDrop : public Effect {
       const double plan_squared = offset.head<2>().squaredNorm();
       const bool lies = offset.z() > 0.0 && ice.position_m[i].z() - ice.site_m[i].z() > spacing_;
       if (!lies || plan_squared > reach_ * reach_) continue;
-      chosen_.push_back({i, plan_squared});
-      weight_sum += plan_squared;
+      const float dry = 1.0f - ice.water.submerged(static_cast<float>(ice.position_m[i].z()));
+      const double weight = plan_squared * static_cast<double>(dry);
+      if (!(weight > 0.0)) continue;
+      chosen_.push_back({i, weight});
+      weight_sum += weight;
     }
     if (!(weight_sum > 0.0)) return;
     for (const auto& [i, weight] : chosen_) {

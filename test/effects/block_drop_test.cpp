@@ -58,6 +58,19 @@ TEST(BlockDrop, TakesFromTheRimAndOnlyWhatLiesOnTheCollector) {
   EXPECT_NEAR((1.0 - ratio[8]) / (1.0 - ratio[4]), 4.0, 1e-3) << "with the square of the distance";
 }
 
+TEST(BlockDrop, WhatIsAfloatDoesNotFall) {
+  const auto drop = makeEffect("block_drop", {{"mass_1_kg", 5.0}, {"time_1_s", 0.1}, {"duration_1_s", 0.5}});
+  IceBench ice = loadedCollector();
+  ice.hub.z() = -0.5;
+  ice.position[9].z() = -0.3;  // a particle is 0.3 m high
+  ice.position[8].z() = 0.0;
+  ice.run(*drop, 1.0);
+  const auto& ratio = ice.changes.solid_ratio;
+  EXPECT_EQ(ratio[9], 1.0f) << "under water";
+  EXPECT_NEAR((1.0 - ratio[8]) / (1.0 - ratio[4]), 0.5 * 4.0, 1e-3) << "half of it above";
+  EXPECT_NEAR(massOf(loadedCollector()) - massOf(ice), 5.0, 1e-3) << "from the others, so that it is all the same";
+}
+
 TEST(BlockDrop, NoMoreFallsThanThereIs) {
   const auto drop = makeEffect("block_drop", {{"mass_1_kg", 1000.0}, {"time_1_s", 0.1}, {"duration_1_s", 0.5}});
   IceBench ice = loadedCollector();

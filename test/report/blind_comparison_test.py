@@ -195,6 +195,11 @@ class Parameters(unittest.TestCase):
         self.assertEqual([(one.parameter, one.truth, one.inside) for one in found],
                          [("mass_3_kg", 200.0, True), ("mass_1_kg", 170.0, True)])
 
+    def test_a_fall_that_was_found_for_two_has_the_mass_of_both(self):
+        found = blind_comparison.coverage(self.with_entry(
+            ("block_drop",), mass_1_kg=(390.0, 290.0, 560.0), time_1_s=(14.0, 13.0, 15.0)))
+        self.assertEqual([(one.parameter, one.truth, one.inside) for one in found], [("mass_1_kg", 370.0, True)])
+
     def test_swell_is_compared_by_nearest_period(self):
         found = blind_comparison.coverage(self.with_entry(
             ("vessel_heave",), amplitude_1_m=(0.03, 0.02, 0.04), period_1_s=(4.4, 4.3, 4.6),

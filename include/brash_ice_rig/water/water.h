@@ -47,9 +47,8 @@ class ParticleInWater {
   /// All three forces, N, w = 0.
   Eigen::Vector4f force(float height_m, const Eigen::Vector4f& velocity_mps) const {
     const float share = submerged(height_m);
-    Eigen::Vector4f sum = drag(velocity_mps, share);
-    sum.z() += buoyancy(share) - weight_;
-    return sum;
+    // In one sum: a component that is written into a vector in memory delays whoever reads all of it.
+    return drag(velocity_mps, share) + Eigen::Vector4f(0.0f, 0.0f, buoyancy(share) - weight_, 0.0f);
   }
 
  private:

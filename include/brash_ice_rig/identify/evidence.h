@@ -85,7 +85,7 @@ class Detectability {
   /// Of a change that was seen several times, each time with a scatter of its own: from the products of different
   /// ones, in which the scatter cancels in the mean, where the norm of their mean would still count some of it (a
   /// U-statistic, Hoeffding 1948, Annals of Mathematical Statistics 19). 0 where nothing but scatter is seen.
-  /// @param repeats  at least one, of which that is known no better than by its norm
+  /// @param repeats  at least one; one alone tells no scatter and counts by its norm
   double ofRepeats(const std::vector<Eigen::VectorXd>& repeats) const;
   /// Cosine between two changes; 0 if one of them cannot be seen.
   double correlation(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const;

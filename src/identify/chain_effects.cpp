@@ -98,13 +98,13 @@ std::vector<std::string> Chain::requestSignature(const Site& site, const Variant
 }
 
 /// What each amplitude does to the force on one arrangement of the blocks, per unit.
-Eigen::MatrixXd Chain::signature(const Site& site, const Variant& v, int seed) {
+/// @param keys  of the variant's runs, as requestSignature() has them
+Eigen::MatrixXd Chain::signature(const Site& site, const Variant& v, const std::vector<std::string>& keys, int seed) {
   const auto count = static_cast<Eigen::Index>(v.amplitudes.size());
   Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(site.rows(), count);
   if (site.direction_rad && !v.effect->acts_sideways) return columns;
   const SimulatedForce plain = corrected(site, requestBaseline(site, std::min(seed, site.seeds())));
   const Eigen::VectorXd before = site.bins(plain);
-  const std::vector<std::string> keys = requestSignature(site, v);
   for (Eigen::Index k = 0; k < count; ++k) {
     const double step = v.amplitudes[static_cast<std::size_t>(k)].step;
     if (v.effect->reading_only) {
@@ -124,10 +124,13 @@ Eigen::MatrixXd Chain::signature(const Site& site, const Variant& v, int seed) {
 
 /// The same of all records, on each arrangement.
 std::vector<Eigen::MatrixXd> Chain::signaturesOf(const Variant& v) {
-  std::vector<Eigen::MatrixXd> all;
-  for (int seed = 1; seed <= pairsOf(v); ++seed) {
-    all.emplace_back(data_.size(), static_cast<Eigen::Index>(v.amplitudes.size()));
-    for (const Site& site : sites_) all.back().middleRows(site.first_row, site.rows()) = signature(site, v, seed);
+  const auto count = static_cast<Eigen::Index>(v.amplitudes.size());
+  std::vector<Eigen::MatrixXd> all(static_cast<std::size_t>(pairsOf(v)), Eigen::MatrixXd(data_.size(), count));
+  for (const Site& site : sites_) {
+    const std::vector<std::string> keys = requestSignature(site, v);
+    for (std::size_t k = 0; k < all.size(); ++k) {
+      all[k].middleRows(site.first_row, site.rows()) = signature(site, v, keys, static_cast<int>(k) + 1);
+    }
   }
   return all;
 }

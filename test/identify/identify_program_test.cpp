@@ -211,15 +211,22 @@ TEST_F(IdentifyProgram, AFallThatDoesNotComeBackIsNotHeldAgainstIt) {
             0);
   record("fall", 8, same, "fall_run", false, 0.15, 0.0, "no_fall_run", kNoiseN);
   record("no_fall", 9, same, "no_fall_run", false, 0.15, 0.0, "no_fall_run", kNoiseN);
+  // Ice that is known: fitted otherwise with the fall, it costs up to eight nats more.
+  for (const char* name : {"fall.yaml", "no_fall.yaml"}) {
+    directory_->put(name,
+                    "source: synthetic\ntare_n: 0\nposition: measured\nrig: no_fall_run/scenario.yaml\n"
+                    "ice: {thickness_m: 0.6, void_fraction: 0.6 ± 0.0003, cohesion_pa: 200 ± 0.5, "
+                    "friction_angle_deg: 50 ± 0.03}\n");
+  }
   const Outcome outcome = program("identify fall.csv --holdout no_fall.csv --out fall_out --cache cache --no-report");
   ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
   const auto fall = entryOf(report("fall_out"), "block_drop");
   ASSERT_TRUE(fall.is_object()) << outcome.text;
   const double worth = fall["log_bayes_factor"];
   EXPECT_GT(worth, 40.0) << outcome.text;
-  // Had it to come back, it would cost about what it is worth here. It costs ln 2, and what the ice is fitted
-  // otherwise: 1 to 8 in three draws of the noise.
-  EXPECT_GT(fall["holdout_log_ratio"], -0.25 * worth) << outcome.text;
+  // Had it to come back, it would cost about what it is worth here. A toss of a coin costs 0.7; the water under the rim
+  // is fitted otherwise, too, and four draws of the noise have -2.9, 0.3, 1.2 and -1.6.
+  EXPECT_GT(fall["holdout_log_ratio"], -5.0) << outcome.text;
 }
 
 TEST_F(IdentifyProgram, LateralChannelsShowThatThePoleMovesSidewaysAndWhereTo) {

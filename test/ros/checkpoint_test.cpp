@@ -13,7 +13,6 @@
 #include <unistd.h>
 
 #include "brash_ice_rig/Checkpoint.h"
-#include "brash_ice_rig/Step.h"
 #include "brash_ice_rig/system/child_process.h"
 #include "test_support.h"
 
@@ -76,10 +75,8 @@ class NodeCheckpoint : public testing::Test {
   }
 
   void step(double duration_s) const {
-    Step step;
-    step.request.duration_s = duration_s;
-    ASSERT_TRUE(ros::service::call(name_ + "/step", step));
-    ASSERT_TRUE(step.response.success) << step.response.message;
+    const auto answer = callStep(name_ + "/step", duration_s);
+    ASSERT_TRUE(answer.success) << answer.message;
   }
 
   Checkpoint::Response call(const std::string& service, const std::string& file) const {

@@ -1,6 +1,5 @@
 #include <diagnostic_msgs/DiagnosticArray.h>
 
-#include "brash_ice_rig/Step.h"
 #include "test_support.h"
 
 namespace brash_ice_rig {

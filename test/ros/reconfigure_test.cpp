@@ -11,7 +11,6 @@
 #include <std_msgs/String.h>
 
 #include "brash_ice_rig/LoadScenario.h"
-#include "brash_ice_rig/Step.h"
 #include "brash_ice_rig/TakenCommand.h"
 #include "test_support.h"
 
@@ -43,10 +42,8 @@ Values set(const Values& numbers, const std::map<std::string, bool>& switches = 
 }
 
 void step(double duration_s) {
-  Step step;
-  step.request.duration_s = duration_s;
-  ASSERT_TRUE(ros::service::call("rig_node/step", step));
-  ASSERT_TRUE(step.response.success) << step.response.message;
+  const auto answer = callStep("rig_node/step", duration_s);
+  ASSERT_TRUE(answer.success) << answer.message;
 }
 
 LoadScenario::Response load(const std::string& scenario, const std::string& overlays, const std::string& settings) {

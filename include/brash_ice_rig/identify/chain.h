@@ -170,7 +170,7 @@ class Chain {
   bool settle(std::vector<const Variant*> variants);
   void computeSignatures(const std::vector<const Variant*>& variants, const std::string& what);
   std::vector<std::string> requestSignature(const Site& site, const Variant& variant);
-  Eigen::MatrixXd signature(const Site& site, const Variant& variant, int seed);
+  Eigen::MatrixXd signature(const Site& site, const Variant& variant, const std::vector<std::string>& keys, int seed);
   std::vector<Eigen::MatrixXd> signaturesOf(const Variant& variant);
   LinearModel linearModel(const Model& model) const;
   Eigen::MatrixXd formErrors(const Model& model, const Eigen::VectorXd& amplitudes) const;

@@ -60,6 +60,7 @@ EffectDescription describeCollectorHydrodynamics() {
   };
   d.confusable_with = {"load_cell_bias"};
   d.how_to_tell = "lifts in open water at several speeds; at 0.05 m/s it is a few newtons and cannot be seen";
+  d.spares_ice = true;
   d.make = [](const EffectValues& values, const Scenario& scenario) {
     return std::make_unique<CollectorHydrodynamics>(values, scenario);
   };

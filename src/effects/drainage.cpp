@@ -78,8 +78,8 @@ EffectDescription describeDrainage() {
   d.parameters = {
       amplitude("held_ratio", "1", 0.3, {0.0, 1.0}, {PriorKind::kHalfNormal, 0.0, 0.3}, true,
                 "share of the voids' volume that holds water when it leaves the sea"),
-      shape("drain_time_s", "s", 10.0, {0.1, 3600.0}, {PriorKind::kLogNormal, 10.0, 0.7},
-            "time constant of the exponential law; with square_root the time at which all has drained"),
+      triedShape("drain_time_s", "s", 10.0, {0.1, 3600.0}, {PriorKind::kLogNormal, 10.0, 0.7},
+                 "time constant of the exponential law; with square_root the time at which all has drained"),
       switchSetting("square_root", false, "drains with the square root of time instead of exponentially"),
   };
   d.confusable_with = {"block_drop", "load_cell_drift"};

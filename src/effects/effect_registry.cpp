@@ -75,6 +75,13 @@ EffectParameter shape(const char* name, const char* unit, double default_value, 
   return p;
 }
 
+EffectParameter triedShape(const char* name, const char* unit, double default_value, const Range& range,
+                           const Prior& prior, const char* text) {
+  EffectParameter p = shape(name, unit, default_value, range, prior, text);
+  p.tried = true;
+  return p;
+}
+
 EffectParameter setting(const char* name, const char* unit, double default_value, const Range& range,
                         const char* text) {
   EffectParameter p;
@@ -118,6 +125,14 @@ void registerEffect(EffectDescription description) {
     if (name == other.name) throw std::invalid_argument("there is an effect " + name + " already");
   }
   if (!description.make) throw std::invalid_argument("effect " + name + " has no `make`");
+  int tried = 0;
+  for (const EffectParameter& p : description.parameters) {
+    if (!p.tried) continue;
+    if (p.prior.kind != PriorKind::kLogNormal) {
+      throw std::invalid_argument("effect " + name + ": " + p.name + " is tried, its prior must be log-normal");
+    }
+    if (++tried > 1) throw std::invalid_argument("effect " + name + ": " + p.name + " is the second shape to be tried");
+  }
   registry().push_back(std::move(description));
 }
 

@@ -158,22 +158,11 @@ std::vector<Variant> makeVariants(const EffectDescription& effect, PositionOrigi
     }
   }
   std::vector<std::vector<std::pair<std::string, double>>> shapes{{}};
-  bool has_main_shape = false;
   for (const EffectParameter& p : effect.parameters) {
-    if (p.role == ParameterRole::kShape && p.prior.kind == PriorKind::kLogNormal && p.default_value != 0.0 &&
-        !has_main_shape && groups.size() == 1) {
-      has_main_shape = true;
+    if (p.tried) {
       shapes.clear();
       for (const double deviations : {-1.0, 0.0, 1.0}) {
         shapes.push_back({{p.name, clampTo(p, p.prior.a * std::exp(deviations * p.prior.b))}});
-      }
-    }
-    if (p.kind == EffectParameter::Kind::kSwitch) {
-      const std::size_t plain = shapes.size();
-      for (std::size_t k = 0; k < plain; ++k) {
-        auto switched = shapes[k];
-        switched.emplace_back(p.name, 1.0);
-        shapes.push_back(switched);
       }
     }
     if (p.kind == EffectParameter::Kind::kWhole && std::string(p.name) == "seed") {
@@ -281,91 +270,115 @@ Variant makeSwell(const std::vector<double>& periods_s, bool hangs_clear) {
   return v;
 }
 
-std::vector<Variant> makeTilts(double direction_deg, const Eigen::VectorXd& time_s, const Eigen::VectorXd& way_m) {
-  assert(time_s.size() == way_m.size());
+namespace {
+
+/// pole_tilt along a direction.
+/// @param drifts    with steady speed as the first amplitude
+/// @param swings    amplitudes of the sway: none, its sine, or its sine and cosine
+/// @param period_s  of the sway, if there is one
+Variant makeTilt(double lean_ratio, double direction_deg, bool drifts, Eigen::Index swings, double period_s) {
   const EffectDescription& effect = describedAs("pole_tilt");
   const EffectParameter &drift = parameterOf(effect, "drift_mps"), &sway = parameterOf(effect, "sway_m"),
-                        &period = parameterOf(effect, "sway_period_s"), &phase = parameterOf(effect, "sway_phase_deg");
+                        &phase = parameterOf(effect, "sway_phase_deg");
   constexpr double kDirectionSigmaDeg = 10.0;
-  struct Size {
-    const EffectParameter* parameter;
-    const char* part;
-    Eigen::VectorXd way_per_unit;
+  Variant v;
+  v.effect = &effect;
+  v.label = "direction_deg = " + formatNumber(direction_deg) + ", lean_ratio = " + formatNumber(lean_ratio);
+  if (swings > 0) v.label += ", sway_period_s = " + formatNumber(period_s) + (drifts ? " and drift" : "");
+  const auto add = [&v](const EffectParameter& parameter, const char* part, int swing) {
+    Amplitude a = makeAmplitude(parameter);
+    a.name += part;
+    a.positive = false;
+    a.least = -a.most;
+    a.swing = swing;
+    v.amplitudes.push_back(a);
   };
+  if (drifts) add(drift, "", 0);
+  if (swings > 0) add(sway, " (sine)", 1);
+  if (swings > 1) add(sway, " (cosine)", 1);
+  const Eigen::Index first = drifts ? 1 : 0;
+  const auto swayOf = [=](const Eigen::VectorXd& a) {
+    return Eigen::Vector2d(swings > 0 ? a[first] : 0.0, swings > 1 ? a[first + 1] : 0.0);
+  };
+  v.apply = [=, &drift, &sway](EffectValues& values, const Eigen::VectorXd& a) {
+    values.enabled = true;
+    values.set("lean_ratio", lean_ratio);
+    values.set("direction_deg", direction_deg);
+    values.set("drift_mps", drifts ? clampTo(drift, a[0]) : 0.0);
+    const Eigen::Vector2d swaying = swayOf(a);
+    values.set("sway_m", clampTo(sway, swaying.norm()));
+    // Without sway its period would only make another scenario of the same lift.
+    if (swaying.isZero(0.0)) return;
+    values.set("sway_period_s", period_s);
+    values.set("sway_phase_deg", std::atan2(swaying.y(), swaying.x()) / kDegree);
+  };
+  v.estimate = [=, &effect, &drift, &sway, &phase](const Eigen::VectorXd& a, const Eigen::MatrixXd& covariance) {
+    std::vector<ParameterEstimate> estimates;
+    if (drifts) estimates.push_back(estimateOf(effect, drift, a[0], std::sqrt(covariance(0, 0))));
+    if (swings > 0) {
+      Eigen::Matrix2d c = Eigen::Matrix2d::Zero();
+      c.topLeftCorner(swings, swings) = covariance.block(first, first, swings, swings);
+      const Phasor swaying = toPhasor(swayOf(a), c);
+      estimates.push_back(estimateOf(effect, sway, swaying.size, swaying.size_sigma));
+      // A sine alone has one of two phases, and no error.
+      if (swings == 2) estimates.push_back(estimateOf(effect, phase, swaying.phase_deg, swaying.phase_sigma_deg));
+    }
+    estimates.push_back(estimateOf(effect, parameterOf(effect, "direction_deg"), direction_deg, kDirectionSigmaDeg));
+    return estimates;
+  };
+  return v;
+}
+
+const EffectParameter& swayPeriod() {
+  return parameterOf(describedAs("pole_tilt"), "sway_period_s");
+}
+
+}  // namespace
+
+std::vector<Variant> makeUprightTilts(double direction_deg) {
+  constexpr double kUpright = 0.0;
+  const double usual_s = clampTo(swayPeriod(), swayPeriod().prior.a);
+  return {makeTilt(kUpright, direction_deg, true, 0, usual_s), makeTilt(kUpright, direction_deg, false, 1, usual_s)};
+}
+
+std::vector<Variant> makeLeaningTilts(double direction_deg, double pole_length_m, const Eigen::VectorXd& time_s,
+                                      const Eigen::VectorXd& tension_n, const Eigen::VectorXd& along_n) {
+  assert(time_s.size() == tension_n.size() && time_s.size() == along_n.size());
+  // Where the cell carries little, noise would pass for a lean.
+  constexpr double kLeastShare = 0.2;
+  const Eigen::ArrayXd lifting_s = time_s.array().max(0.0), per_metre_n = -tension_n.array() / pole_length_m;
+  const Eigen::ArrayXd counts =
+      (time_s.array() >= 0.0 && tension_n.array() >= kLeastShare * tension_n.maxCoeff()).cast<double>();
   std::vector<Variant> variants;
-  // Sizes: drift or none, then sine and cosine of the sway or none.
-  const auto add = [&](double lean_ratio, const std::vector<Size>& sizes, const std::optional<double>& period_s) {
-    const bool drifts = sizes.front().parameter == &drift;
-    Variant v;
-    v.effect = &effect;
-    v.label = "direction_deg = " + formatNumber(direction_deg) + ", lean_ratio = " + formatNumber(lean_ratio);
-    if (period_s) v.label += ", sway_period_s = " + formatNumber(*period_s) + (drifts ? " and drift" : "");
-    Eigen::MatrixXd way_per_unit(time_s.size(), static_cast<Eigen::Index>(sizes.size()));
-    for (std::size_t k = 0; k < sizes.size(); ++k) {
-      way_per_unit.col(static_cast<Eigen::Index>(k)) = sizes[k].way_per_unit;
+  const auto add = [&](bool drifts, Eigen::Index swings, double period_s) {
+    Variant v = makeTilt(1.0, direction_deg, drifts, swings, period_s);
+    const auto count = static_cast<Eigen::Index>(v.amplitudes.size());
+    Eigen::MatrixXd way_per_unit(time_s.size(), count);
+    const Eigen::ArrayXd angle = lifting_s * (2.0 * kPi / period_s);
+    if (drifts) way_per_unit.col(0) = lifting_s;
+    if (swings > 0) way_per_unit.col(count - 2) = angle.sin();
+    if (swings > 0) way_per_unit.col(count - 1) = angle.cos() - 1.0;
+    v.lateral_n = way_per_unit.array().colwise() * per_metre_n;
+    // What the way does to the vertical force is the same to both sides, and scatters as much for a small one.
+    const Eigen::VectorXd fitted = (way_per_unit.array().colwise() * counts)
+                                       .matrix()
+                                       .colPivHouseholderQr()
+                                       .solve((counts * along_n.array() / per_metre_n).matrix());
+    for (Eigen::Index k = 0; k < count; ++k) {
+      Amplitude& a = v.amplitudes[static_cast<std::size_t>(k)];
+      a.step = std::copysign(std::clamp(std::abs(fitted[k]), a.step, a.most), fitted[k]);
     }
-    const Eigen::VectorXd fitted = way_per_unit.colPivHouseholderQr().solve(way_m);
-    for (std::size_t k = 0; k < sizes.size(); ++k) {
-      Amplitude a = makeAmplitude(*sizes[k].parameter);
-      a.name += sizes[k].part;
-      a.positive = false;
-      a.least = -a.most;
-      a.swing = sizes[k].parameter == &sway ? 1 : 0;
-      // What the way does to the vertical force is the same to both sides, and scatters as much for a small one.
-      const double fit = fitted[static_cast<Eigen::Index>(k)];
-      if (lean_ratio > 0.0) a.step = std::copysign(std::clamp(std::abs(fit), a.step, a.most), fit);
-      v.amplitudes.push_back(a);
-    }
-    const auto swayOf = [drifts](const Eigen::VectorXd& a) {
-      const Eigen::Index first = drifts ? 1 : 0;
-      return Eigen::Vector2d(first < a.size() ? a[first] : 0.0, first + 1 < a.size() ? a[first + 1] : 0.0);
-    };
-    v.apply = [=, &drift, &sway](EffectValues& values, const Eigen::VectorXd& a) {
-      values.enabled = true;
-      values.set("lean_ratio", lean_ratio);
-      values.set("direction_deg", direction_deg);
-      values.set("drift_mps", drifts ? clampTo(drift, a[0]) : 0.0);
-      const Eigen::Vector2d swaying = swayOf(a);
-      values.set("sway_m", clampTo(sway, swaying.norm()));
-      // Without sway its period would only make another scenario of the same lift.
-      if (swaying.isZero(0.0)) return;
-      values.set("sway_period_s", *period_s);
-      values.set("sway_phase_deg", std::atan2(swaying.y(), swaying.x()) / kDegree);
-    };
-    v.estimate = [=, &effect, &drift, &sway, &phase](const Eigen::VectorXd& a, const Eigen::MatrixXd& covariance) {
-      std::vector<ParameterEstimate> estimates;
-      if (drifts) estimates.push_back(estimateOf(effect, drift, a[0], std::sqrt(covariance(0, 0))));
-      if (period_s) {
-        const Eigen::Index first = drifts ? 1 : 0, parts = a.size() - first;
-        Eigen::Matrix2d c = Eigen::Matrix2d::Zero();
-        c.topLeftCorner(parts, parts) = covariance.block(first, first, parts, parts);
-        const Phasor swaying = toPhasor(swayOf(a), c);
-        estimates.push_back(estimateOf(effect, sway, swaying.size, swaying.size_sigma));
-        // A sine alone has one of two phases, and no error.
-        if (parts == 2) estimates.push_back(estimateOf(effect, phase, swaying.phase_deg, swaying.phase_sigma_deg));
-      }
-      estimates.push_back(estimateOf(effect, parameterOf(effect, "direction_deg"), direction_deg, kDirectionSigmaDeg));
-      return estimates;
-    };
     variants.push_back(std::move(v));
   };
-  const Size drifting{&drift, "", time_s};
-  const auto angleOf = [&](double period_s) -> Eigen::ArrayXd { return time_s.array() * (2.0 * kPi / period_s); };
-  const auto sine = [&](double period_s) { return Size{&sway, " (sine)", angleOf(period_s).sin()}; };
-  // A lean is seen by where the foot is, which one may know to a centimetre: worth a cosine.
-  constexpr double kLeaning = 1.0, kUpright = 0.0;
-  add(kLeaning, {drifting}, std::nullopt);
+  const EffectParameter& period = swayPeriod();
+  add(true, 0, period.prior.a);
   // A pole that is pushed aside and comes part of the way back is slower than the lift.
   for (const double deviations : {-1.0, 0.0, 1.0, 2.0}) {
     const double period_s = clampTo(period, period.prior.a * std::exp(deviations * period.prior.b));
-    const Size cosine{&sway, " (cosine)", angleOf(period_s).cos() - 1.0};
-    add(kLeaning, {sine(period_s), cosine}, period_s);
-    if (deviations > 0.0) add(kLeaning, {drifting, sine(period_s), cosine}, period_s);
+    // A lean is seen by where the foot is, which one may know to a centimetre: worth a cosine.
+    add(false, 2, period_s);
+    if (deviations > 0.0) add(true, 2, period_s);
   }
-  // The channels do not show the way of an upright pole: not worth more than the usual period.
-  const double usual_s = clampTo(period, period.prior.a);
-  add(kUpright, {drifting}, std::nullopt);
-  add(kUpright, {sine(usual_s)}, usual_s);
   return variants;
 }
 

@@ -11,27 +11,6 @@ namespace {
 /// Swell whose effect is simulated in order to know what others would do.
 constexpr double kSwellPeriodS = 6.0;
 
-/// pole_tilt for a record with lateral channels.
-std::vector<Variant> tiltsSeenSideways(const Site& site, double direction_deg) {
-  // Where the cell carries little, noise would pass for a lean.
-  constexpr double kLeastShare = 0.2;
-  const Observation& o = site.observation();
-  const CollectorConfig& rig = site.scenario.collector;
-  const Eigen::VectorXd tension_n = o.force_n.array() + (rig.mass_kg + rig.pole_mass_kg) * kGravityMps2;
-  const double direction = direction_deg * kDegree;
-  std::vector<double> time_s, way_m;
-  for (Eigen::Index i = 0; i < o.time_s.size(); ++i) {
-    if (o.time_s[i] < 0.0 || tension_n[i] < kLeastShare * tension_n.maxCoeff()) continue;
-    const double along_n = o.lateral_n(i, 0) * std::cos(direction) + o.lateral_n(i, 1) * std::sin(direction);
-    time_s.push_back(o.time_s[i]);
-    way_m.push_back(-along_n / tension_n[i] * rig.pole_length_m);
-  }
-  const auto vector = [](const std::vector<double>& values) {
-    return Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
-  };
-  return makeTilts(direction_deg, vector(time_s), vector(way_m));
-}
-
 }  // namespace
 
 void Chain::addVariants() {
@@ -42,9 +21,11 @@ void Chain::addVariants() {
   }
   for (const EffectDescription& effect : effectRegistry()) {
     if (sites_.front().scenario.effects[effect.name].enabled) continue;  // the baseline has it already
-    const bool seen_sideways = lateral_direction_deg_ && std::string(effect.name) == "pole_tilt";
-    for (Variant& variant :
-         seen_sideways ? tiltsSeenSideways(sites_.front(), *lateral_direction_deg_) : makeVariants(effect, position)) {
+    if (lateral_direction_deg_ && std::string(effect.name) == "pole_tilt") {
+      addTilts();
+      continue;
+    }
+    for (Variant& variant : makeVariants(effect, position)) {
       variants_.push_back(std::make_unique<Variant>(std::move(variant)));
     }
     if (std::string(effect.name) == "vessel_heave" && sites_.front().observation().ice_contact) {
@@ -52,6 +33,21 @@ void Chain::addVariants() {
       settled_.insert(swell_.get());
     }
     for (const auto& [v, amplitude] : typicalAmplitudes(effect)) settled_.insert(v);
+  }
+}
+
+/// pole_tilt for a record with lateral channels. They show the way of a leaning pole, which is simulated where there is
+/// one: see locateTilt().
+void Chain::addTilts() {
+  const Site& site = sites_.front();
+  const Observation& o = site.observation();
+  const CollectorConfig& rig = site.scenario.collector;
+  const double direction = *lateral_direction_deg_ * kDegree;
+  leaning_ = makeLeaningTilts(*lateral_direction_deg_, rig.pole_length_m, o.time_s,
+                              o.force_n.array() + (rig.mass_kg + rig.pole_mass_kg) * kGravityMps2,
+                              o.lateral_n * Eigen::Vector2d(std::cos(direction), std::sin(direction)));
+  for (Variant& upright : makeUprightTilts(*lateral_direction_deg_)) {
+    variants_.push_back(std::make_unique<Variant>(std::move(upright)));
   }
 }
 
@@ -216,53 +212,98 @@ double Chain::findPlaces(const Model& start, const std::vector<double>& places, 
   return total;
 }
 
-/// Adds falls and swell where the record suggests them, beside what a model has already.
+const Variant* Chain::addLocated(Variant variant, double log_odds) {
+  variants_.push_back(std::make_unique<Variant>(std::move(variant)));
+  located_log_odds_[variants_.back().get()] = log_odds;
+  return variants_.back().get();
+}
+
+/// Falls of ice at the times that the first record suggests, if any.
+std::vector<const Variant*> Chain::locateFalls(const Model& start) {
+  constexpr double kGridS = 0.5;
+  const Site& site = sites_.front();
+  if (EffectsConfig(site.scenario.effects)["block_drop"].enabled) return {};
+  std::vector<double> times;
+  const double end = site.observation().time_s[site.rows() - 1];
+  for (int k = 0; 1.0 + k * kGridS < end - 1.0; ++k) times.push_back(1.0 + k * kGridS);
+  const auto columns = [&](double time) -> Eigen::MatrixXd { return fallTemplate(time, site.observation().time_s); };
+  std::vector<double> places;
+  double log_odds = 0.0;
+  if (findPlaces(start, times, makeFalls({0.0}).amplitudes[0], columns, places, log_odds) <= 0.0) return {};
+  std::sort(places.begin(), places.end());
+  return {addLocated(makeFalls(places), log_odds)};
+}
+
+/// Swell of the periods that the first record suggests, if any.
+std::vector<const Variant*> Chain::locateSwell(const Model& start) {
+  if (!swell_) return {};
+  constexpr double kShortestS = 3.0, kLongestS = 14.0, kRatio = 1.06, kStepsPerS = 20.0;
+  const Site& site = sites_.front();
+  std::vector<double> periods;
+  for (int k = 0;; ++k) {
+    const double period = kShortestS * std::pow(kRatio, k);
+    if (period >= kLongestS) break;
+    periods.push_back(std::round(period * kStepsPerS) / kStepsPerS);
+  }
+  const Eigen::MatrixXd response = signatures_.at(swell_.get()).middleRows(site.first_row, site.rows());
+  if (response.isZero()) return {};
+  const CollectorConfig& rig = site.scenario.collector;
+  const Eigen::VectorXd mass_kg = site.mean_n.cwiseMax(0.0).array() / kGravityMps2 + rig.mass_kg + rig.pole_mass_kg;
+  std::vector<const Variant*> added;
+  // Whether a rig knocks at the ice before the lift is a matter of centimetres.
+  for (const bool hangs_clear : {false, true}) {
+    if (hangs_clear && site.restRows() == 0) continue;
+    const auto columns = [&](double period) {
+      Eigen::MatrixXd swell = swellResponse(response, kSwellPeriodS, period, site.observation().time_s, mass_kg);
+      if (hangs_clear) swell.topRows(site.restRows()).setZero();
+      return swell;
+    };
+    std::vector<double> places;
+    double log_odds = 0.0;
+    if (findPlaces(start, periods, swell_->amplitudes[0], columns, places, log_odds) > 0.0) {
+      added.push_back(addLocated(makeSwell(places, hangs_clear), log_odds));
+    }
+  }
+  return added;
+}
+
+/// What the lateral channels show of a leaning pole, in all rows.
+Eigen::MatrixXd Chain::sidewaysOnly(const Variant& leaning) const {
+  Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(data_.size(), leaning.lateral_n.cols());
+  for (const Site& site : sites_) {
+    if (!site.direction_rad) continue;
+    const double share = std::cos(*site.direction_rad - *lateral_direction_deg_ * kDegree);
+    for (Eigen::Index i = 0; i < site.rows(); ++i) {
+      columns.row(site.first_row + i) = share * leaning.lateral_n.row(i * kLateralThinning);
+    }
+  }
+  return columns;
+}
+
+/// The way of a leaning pole that the lateral channels show, if any.
+std::vector<const Variant*> Chain::locateTilt(const Model& start) {
+  // At the start's kappa: see findPlaces().
+  const FactoredErrors errors(errors_, start.fit.kappa);
+  const double before = computeLogEvidence(data_, linearModel(start), errors);
+  std::vector<double> gains;
+  for (const Variant& way : leaning_) {
+    Model trial = start;
+    addEffect(trial, way, sidewaysOnly(way));
+    gains.push_back(computeLogEvidence(data_, linearModel(trial), errors) - before);
+  }
+  if (gains.empty()) return {};
+  const auto best = static_cast<std::size_t>(std::max_element(gains.begin(), gains.end()) - gains.begin());
+  const double mean_gain = logMeanExp(gains);
+  if (mean_gain <= 0.0) return {};
+  return {addLocated(leaning_[best], mean_gain - gains[best])};
+}
+
+/// Adds falls, swell and a tilt of the pole where the record suggests them, beside what a model has already.
 void Chain::locate(const Model& start, const std::string& what) {
   if (!sites_.front().observation().ice_contact) return;
   std::vector<const Variant*> added;
-  std::vector<double> places;
-  double log_odds = 0.0;
-  const bool falls = !EffectsConfig(sites_.front().scenario.effects)["block_drop"].enabled;
-  const auto add = [&](Variant variant) {
-    variants_.push_back(std::make_unique<Variant>(std::move(variant)));
-    located_log_odds_[variants_.back().get()] = log_odds;
-    added.push_back(variants_.back().get());
-  };
-  const Site& site = sites_.front();
-  if (falls) {
-    constexpr double kGridS = 0.5;
-    std::vector<double> times;
-    const double end = site.observation().time_s[site.rows() - 1];
-    for (int k = 0; 1.0 + k * kGridS < end - 1.0; ++k) times.push_back(1.0 + k * kGridS);
-    const auto columns = [&](double time) -> Eigen::MatrixXd { return fallTemplate(time, site.observation().time_s); };
-    if (findPlaces(start, times, makeFalls({0.0}).amplitudes[0], columns, places, log_odds) > 0.0) {
-      std::sort(places.begin(), places.end());
-      add(makeFalls(places));
-    }
-  }
-  if (swell_) {
-    constexpr double kShortestS = 3.0, kLongestS = 14.0, kRatio = 1.06, kStepsPerS = 20.0;
-    std::vector<double> periods;
-    for (int k = 0;; ++k) {
-      const double period = kShortestS * std::pow(kRatio, k);
-      if (period >= kLongestS) break;
-      periods.push_back(std::round(period * kStepsPerS) / kStepsPerS);
-    }
-    const Eigen::MatrixXd response = signatures_.at(swell_.get()).middleRows(site.first_row, site.rows());
-    const CollectorConfig& rig = site.scenario.collector;
-    const Eigen::VectorXd mass_kg = site.mean_n.cwiseMax(0.0).array() / kGravityMps2 + rig.mass_kg + rig.pole_mass_kg;
-    // Whether a rig knocks at the ice before the lift is a matter of centimetres.
-    for (const bool hangs_clear : {false, true}) {
-      if (hangs_clear && site.restRows() == 0) continue;
-      const auto columns = [&](double period) {
-        Eigen::MatrixXd swell = swellResponse(response, kSwellPeriodS, period, site.observation().time_s, mass_kg);
-        if (hangs_clear) swell.topRows(site.restRows()).setZero();
-        return swell;
-      };
-      if (!response.isZero() && findPlaces(start, periods, swell_->amplitudes[0], columns, places, log_odds) > 0.0) {
-        add(makeSwell(places, hangs_clear));
-      }
-    }
+  for (const auto& found : {locateFalls(start), locateSwell(start), locateTilt(start)}) {
+    added.insert(added.end(), found.begin(), found.end());
   }
   computeSignatures(added, what);
 }

@@ -120,7 +120,8 @@ void Chain::addDetectable(Identification& result, const Detectability& detectabi
     for (const Eigen::MatrixXd& all : signaturesOf(v)) columns.push_back(all.col(static_cast<Eigen::Index>(amplitude)));
     return columns;
   };
-  // The middle of the shapes of each effect; falls and swell at a place of their own.
+  // The middle of the shapes of each effect; falls and swell at a place of their own,
+  // a lean by what lateral channels show of it.
   for (const EffectDescription& effect : effectRegistry()) {
     const std::string name = effect.name;
     const Site& site = sites_.front();
@@ -133,6 +134,15 @@ void Chain::addDetectable(Identification& result, const Detectability& detectabi
     }
     if (name == "vessel_heave" && swell_) {
       add(effect, swell_->amplitudes[0], columnOn(*swell_, 0));
+      continue;
+    }
+    if (name == "pole_tilt" && !leaning_.empty()) {
+      for (const Variant& way : leaning_) {
+        const Eigen::MatrixXd columns = sidewaysOnly(way);
+        for (std::size_t k = 0; k < way.amplitudes.size(); ++k) {
+          add(effect, way.amplitudes[k], {columns.col(static_cast<Eigen::Index>(k))});
+        }
+      }
       continue;
     }
     for (const auto& [v, k] : typicalAmplitudes(effect)) {

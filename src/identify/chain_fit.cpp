@@ -69,9 +69,9 @@ void Chain::refit(Model& model) const {
 }
 
 /// Adds an effect, as a straight line, to those that a model has; it is to be fitted again.
-void Chain::addEffect(Model& model, const Variant& v) const {
+/// @param columns  what each of its amplitudes does, per unit
+void Chain::addEffect(Model& model, const Variant& v, const Eigen::MatrixXd& columns) const {
   model.variants.push_back(&v);
-  const Eigen::MatrixXd& columns = signatures_.at(&v);
   model.effect_columns.conservativeResize(data_.size(), model.effect_columns.cols() + columns.cols());
   model.effect_columns.rightCols(columns.cols()) = columns;
   const auto located = located_log_odds_.find(&v);
@@ -84,7 +84,7 @@ Model Chain::linear(const Variant* variant) const {
   Model model;
   model.offset = baseline_offset_;
   model.effect_columns.resize(data_.size(), 0);
-  if (variant != nullptr) addEffect(model, *variant);
+  if (variant != nullptr) addEffect(model, *variant, signatures_.at(variant));
   refit(model);
   return model;
 }

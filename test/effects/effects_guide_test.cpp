@@ -33,7 +33,7 @@ std::string rowOf(const EffectParameter& p) {
           ? ""
           : std::string(priorName(p.prior.kind)) + "(" + formatNumber(p.prior.a) + ", " + formatNumber(p.prior.b) + ")";
   const char* const role = p.role == ParameterRole::kAmplitude ? (p.linear ? "amplitude, linear" : "amplitude")
-                           : p.role == ParameterRole::kShape   ? "shape"
+                           : p.role == ParameterRole::kShape   ? (p.tried ? "shape, tried" : "shape")
                                                                : "setting";
   return std::string("| `") + p.name + "` | " + p.unit + " | " + value + " | " +
          (is_switch ? "true, false" : formatRange(p.range)) + " | " + prior + " | " + role + " | ";

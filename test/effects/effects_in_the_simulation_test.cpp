@@ -102,6 +102,26 @@ TEST(Effects, OnTheReadingAloneLeaveTheTruthToTheLastBit) {
   EXPECT_EQ(count, 4u);
 }
 
+TEST(Effects, ThatSpareTheIceDoTheSameToTheReadingInAnyArrangementOfTheBlocks) {
+  const auto reading = [](const std::string& name, std::uint64_t seed) {
+    Scenario s = softLift();
+    s.field.seed = seed;
+    if (!name.empty()) enable(s, name);
+    Simulation simulation(s);
+    simulation.advance(1.0);
+    return simulation.snapshot().force_n;
+  };
+  std::size_t count = 0;
+  for (const EffectDescription& effect : effectRegistry()) {
+    if (!effect.spares_ice) continue;
+    ++count;
+    const double change = reading(effect.name, 1) - reading("", 1);
+    EXPECT_NE(change, 0.0) << effect.name;
+    EXPECT_NEAR(reading(effect.name, 2) - reading("", 2), change, 1e-6 * std::abs(change)) << effect.name;
+  }
+  EXPECT_EQ(count, 1u);
+}
+
 TEST(Effects, AllTogetherGiveTheSameBitsForOneAndTwoThreadsAndForShortAdvances) {
   Scenario s = softLift();
   for (const EffectDescription& effect : effectRegistry()) enableWithinLift(s, effect.name);

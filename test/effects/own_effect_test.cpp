@@ -106,5 +106,29 @@ TEST(OwnEffect, NeedsANameOfItsOwnAndAWayToMakeIt) {
   EXPECT_THROW(registerEffect(lifeless), std::invalid_argument);
 }
 
+TEST(OwnEffect, HasOneShapeToBeTriedAndALogNormalPriorOfIt) {
+  const auto refusal = [](const EffectParameter& first, const EffectParameter& second) -> std::string {
+    EffectDescription d = describeDiversLine();
+    d.name = "tried_line";
+    d.parameters.push_back(first);
+    d.parameters.push_back(second);
+    try {
+      registerEffect(d);
+    } catch (const std::invalid_argument& error) {
+      return error.what();
+    }
+    return "";
+  };
+  const Prior about_one{PriorKind::kLogNormal, 1.0, 0.5}, anywhere{PriorKind::kUniform, 0.0, 2.0};
+  const auto tried = [](const char* name, const Prior& prior) {
+    return triedShape(name, "s", 1.0, {0.1, 10.0}, prior, "a time");
+  };
+  EXPECT_EQ(refusal(tried("one_s", anywhere), shape("two_s", "s", 1.0, {0.1, 10.0}, about_one, "a time")),
+            "effect tried_line: one_s is tried, its prior must be log-normal");
+  EXPECT_EQ(refusal(tried("one_s", about_one), tried("two_s", about_one)),
+            "effect tried_line: two_s is the second shape to be tried");
+  EXPECT_EQ(std::string(effectRegistry().back().name), "divers_line") << "what is refused is not in the registry";
+}
+
 }  // namespace
 }  // namespace brash_ice_rig

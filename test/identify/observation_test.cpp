@@ -118,6 +118,19 @@ TEST(Candidates, EachEffectOfTheLibraryIsTriedInSomeWay) {
   }
 }
 
+TEST(Candidates, AShapeIsTriedAtItsMedianAndOneDeviationToEitherSide) {
+  const auto drain = makeVariants(*findEffect("drainage"), PositionOrigin::kMeasured);
+  ASSERT_EQ(drain.size(), 3u);
+  const double expected[] = {4.9658530379, 10.0, 20.1375270747};  // log_normal(10, 0.7): 10 exp(-0.7), 10, 10 exp(0.7)
+  for (std::size_t k = 0; k < drain.size(); ++k) {
+    Scenario s;
+    drain[k].apply(s.effects["drainage"], Eigen::VectorXd::Constant(1, 0.2));
+    EXPECT_NEAR(s.effects["drainage"]["drain_time_s"], expected[k], 1e-9);
+  }
+  // What a lift does not tell keeps its default: freeze_bonds has a slip and a switch.
+  EXPECT_EQ(makeVariants(*findEffect("freeze_bonds"), PositionOrigin::kMeasured).size(), 1u);
+}
+
 TEST(Candidates, AMeasuredPositionHasTheLossOfSpeedInItAlready) {
   for (const EffectDescription& effect : effectRegistry()) {
     if (std::string(effect.name) != "crane_speed") continue;
@@ -165,51 +178,82 @@ TEST(CurveErrors, MeanErrorCountsTheRestBeforeTheLiftAndPeaksDoNot) {
   EXPECT_EQ(e.max_abs_n, 0.0);
 }
 
+/// A pole of 6 m whose foot goes aside by so much; 12 kN hang on it but in the first 2 s, when noise looks like more.
+std::vector<Variant> tiltsAlong(double direction_deg, const Eigen::VectorXd& time_s, const Eigen::VectorXd& way_m) {
+  Eigen::VectorXd tension_n = Eigen::VectorXd::Constant(time_s.size(), 12000.0);
+  Eigen::VectorXd along_n = -tension_n.cwiseProduct(way_m) / 6.0;
+  for (Eigen::Index i = 0; i < time_s.size() && time_s[i] < 2.0; ++i) {
+    tension_n[i] = 100.0;
+    along_n[i] = 500.0;
+  }
+  return makeLeaningTilts(direction_deg, 6.0, time_s, tension_n, along_n);
+}
+
 TEST(Candidates, TiltSeenSidewaysGoesBothWaysAlongItsDirection) {
   const Eigen::VectorXd time_s = Eigen::VectorXd::LinSpaced(41, 0.0, 40.0);
-  const std::vector<Variant> tilts = makeTilts(30.0, time_s, -0.012 * time_s);
-  ASSERT_EQ(tilts.size(), 9u);  // leaning: drift, sway of four periods, drift with the two longer ones; upright: two
+  const std::vector<Variant> leaning = tiltsAlong(30.0, time_s, -0.012 * time_s), upright = makeUprightTilts(30.0);
+  ASSERT_EQ(leaning.size(), 7u);  // drift, sway of four periods, drift with the two longer ones
+  ASSERT_EQ(upright.size(), 2u);
   EffectsConfig effects;
   EffectValues& values = effects["pole_tilt"];
-  tilts[0].apply(values, Eigen::VectorXd::Constant(1, -0.004));
+  leaning[0].apply(values, Eigen::VectorXd::Constant(1, -0.004));
   EXPECT_TRUE(values.enabled);
   EXPECT_EQ(values["drift_mps"], -0.004);
   EXPECT_EQ(values["direction_deg"], 30.0);
   EXPECT_EQ(values["sway_m"], 0.0);
   EXPECT_EQ(values["lean_ratio"], 1.0);
-  EXPECT_NEAR(tilts[0].amplitudes[0].step, -0.012, 1e-12) << "where a lean fits the lateral force";
-  EXPECT_NEAR(tilts[4].amplitudes[0].step, -0.012, 1e-12) << "and none of it is swaying";
-  EXPECT_NEAR(std::abs(tilts[4].amplitudes[1].step), 0.1, 1e-12);
-  EXPECT_EQ(tilts[7].amplitudes[0].step, 0.005) << "an upright pole reads the ice instead";
-  for (const Variant& tilt : tilts) {
-    EXPECT_LT(tilt.amplitudes[0].least, 0.0) << tilt.label;
-    EXPECT_EQ(tilt.amplitudes[0].least, -tilt.amplitudes[0].most) << tilt.label;
+  EXPECT_NEAR(leaning[0].amplitudes[0].step, -0.012, 1e-12) << "where a lean fits the lateral force";
+  EXPECT_NEAR(leaning[4].amplitudes[0].step, -0.012, 1e-12) << "and none of it is swaying";
+  EXPECT_NEAR(std::abs(leaning[4].amplitudes[1].step), 0.1, 1e-12);
+  EXPECT_EQ(upright[0].amplitudes[0].step, 0.005) << "an upright pole reads the ice instead";
+  for (const auto* tilts : {&leaning, &upright}) {
+    for (const Variant& tilt : *tilts) {
+      EXPECT_LT(tilt.amplitudes[0].least, 0.0) << tilt.label;
+      EXPECT_EQ(tilt.amplitudes[0].least, -tilt.amplitudes[0].most) << tilt.label;
+    }
   }
-  const auto told = tilts[0].estimate(Eigen::VectorXd::Constant(1, -0.004), Eigen::MatrixXd::Constant(1, 1, 1e-6));
+  const auto told = leaning[0].estimate(Eigen::VectorXd::Constant(1, -0.004), Eigen::MatrixXd::Constant(1, 1, 1e-6));
   EXPECT_EQ(told[0].value, -0.004);
   EXPECT_EQ(told[1].value, 30.0);
-  const Variant& both = tilts[6];
+  const Variant& both = leaning[6];
   ASSERT_EQ(both.amplitudes.size(), 3u);
   both.apply(values, Eigen::Vector3d(0.006, -0.12, 0.0));
   EXPECT_EQ(values["drift_mps"], 0.006);
   EXPECT_DOUBLE_EQ(values["sway_m"], 0.12);
   EXPECT_NEAR(values["sway_period_s"], 15.0 * std::exp(1.0), 1e-12);
   EXPECT_DOUBLE_EQ(both.estimate(Eigen::Vector3d(0.006, -0.12, 0.0), Eigen::Matrix3d::Identity())[1].value, 0.12);
-  const Variant& upright = tilts.back();
-  ASSERT_EQ(upright.amplitudes.size(), 1u);
-  upright.apply(values, Eigen::VectorXd::Constant(1, -0.12));
+  const Variant& sway = upright.back();
+  ASSERT_EQ(sway.amplitudes.size(), 1u);
+  sway.apply(values, Eigen::VectorXd::Constant(1, -0.12));
   EXPECT_EQ(values["lean_ratio"], 0.0);
   EXPECT_EQ(values["drift_mps"], 0.0);
   EXPECT_DOUBLE_EQ(values["sway_m"], 0.12);
   EXPECT_DOUBLE_EQ(values["sway_phase_deg"], 180.0);
   EXPECT_EQ(values["sway_period_s"], 15.0);
-  EXPECT_DOUBLE_EQ(upright.estimate(Eigen::VectorXd::Constant(1, -0.12), Eigen::MatrixXd::Identity(1, 1))[0].value,
-                   0.12);
+  EXPECT_DOUBLE_EQ(sway.estimate(Eigen::VectorXd::Constant(1, -0.12), Eigen::MatrixXd::Identity(1, 1))[0].value, 0.12);
+}
+
+TEST(Candidates, ALeaningPoleShowsItsTensionTimesWayOverLength) {
+  const Eigen::VectorXd time_s = Eigen::VectorXd::LinSpaced(43, -2.0, 40.0);
+  const Eigen::VectorXd tension_n = 2000.0 + 300.0 * time_s.array();
+  const auto tilts = makeLeaningTilts(0.0, 5.0, time_s, tension_n, Eigen::VectorXd::Zero(43));
+  // At 30 s 11 kN hang on it. Drift of 1 m/s: -11 kN 30 m / 5 m.
+  EXPECT_NEAR(tilts[0].lateral_n(32, 0), -66000.0, 1e-8);
+  EXPECT_EQ(tilts[0].lateral_n(1, 0), 0.0) << "before the lift it stands upright";
+  // Sway of 15 s: after two periods it is back.
+  EXPECT_NEAR(tilts[2].lateral_n(32, 0), 0.0, 1e-8);
+  EXPECT_NEAR(tilts[2].lateral_n(32, 1), 0.0, 1e-8);
+  // At 5 s, a third of the period: sin = sqrt(3) / 2, cos - 1 = -3 / 2; 3.5 kN.
+  EXPECT_NEAR(tilts[2].lateral_n(7, 0), -700.0 * 0.8660254038, 1e-6);
+  EXPECT_NEAR(tilts[2].lateral_n(7, 1), 700.0 * 1.5, 1e-8);
+  // Drift and sway together are drift, then sway.
+  EXPECT_EQ(tilts[4].lateral_n.col(0), tilts[0].lateral_n.col(0));
+  EXPECT_EQ(tilts[4].lateral_n.rightCols(2), tilts[3].lateral_n);
 }
 
 TEST(Candidates, SineAndCosineOfASwayAreItsSizeAndPhase) {
   const Eigen::VectorXd time_s = Eigen::VectorXd::LinSpaced(41, 0.0, 40.0);
-  const Variant sway = makeTilts(0.0, time_s, time_s)[2];
+  const Variant sway = tiltsAlong(0.0, time_s, time_s)[2];
   ASSERT_EQ(sway.amplitudes.size(), 2u);
   EffectsConfig effects;
   EffectValues& values = effects["pole_tilt"];

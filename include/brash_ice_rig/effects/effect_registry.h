@@ -48,6 +48,8 @@ struct EffectParameter {
   ParameterRole role = ParameterRole::kSetting;
   /// The load cell's reading changes in proportion to it, while it is small.
   bool linear = false;
+  /// Identification tries this shape at its prior's median and one deviation of it to either side.
+  bool tried = false;
   const char* text = "";
 };
 
@@ -56,6 +58,11 @@ EffectParameter amplitude(const char* name, const char* unit, double default_val
                           const Prior& prior, bool linear, const char* text);
 EffectParameter shape(const char* name, const char* unit, double default_value, const Range& range, const Prior& prior,
                       const char* text);
+/// A shape that changes what the load cell shows by more than two arrangements of the blocks differ: identification
+/// spends two simulations more on it. At most one of an effect.
+/// @param prior  log-normal
+EffectParameter triedShape(const char* name, const char* unit, double default_value, const Range& range,
+                           const Prior& prior, const char* text);
 EffectParameter setting(const char* name, const char* unit, double default_value, const Range& range, const char* text);
 EffectParameter wholeSetting(const char* name, double default_value, const Range& range, const char* text);
 EffectParameter switchSetting(const char* name, bool default_value, const char* text);
@@ -71,6 +78,8 @@ struct EffectDescription {
   const char* how_to_tell = "";
   /// The true forces stay what they were: the reading follows from them without another run.
   bool reading_only = false;
+  /// It acts on the rig alone: what it does to the load cell is the same in any ice.
+  bool spares_ice = false;
   /// Lateral channels of a load cell show it. Of others a change of lateral force counts as scatter.
   bool acts_sideways = false;
   /// It begins with procedure.rest_duration_s, before the lift. All others begin at time 0.
@@ -94,7 +103,8 @@ const EffectDescription* findEffect(const std::string& name);
 
 /// Adds an effect of the user's own. Its keys belong to each Scenario made from then on.
 /// Call before any scenario is made and before there are several threads.
-/// @throws std::invalid_argument if the name is taken or not made of a-z, 0-9 and _, or if `make` is missing
+/// @throws std::invalid_argument if the name is taken or not made of a-z, 0-9 and _, if `make` is missing, or if shapes
+///   are tried that triedShape() does not allow
 void registerEffect(EffectDescription description);
 
 /// The keys effects.NAME.* of one effect.

@@ -41,6 +41,8 @@ struct Variant {
   std::vector<double> periods_s;  ///< of swell; none of another effect
   /// Straight lines say nothing of what it does before the lift: that counts where it is simulated.
   bool hangs_clear = false;
+  /// Of a leaning pole: what each amplitude does to the lateral force in its direction, N per unit, a row per bin.
+  Eigen::MatrixXd lateral_n;
   /// Values of the effect's parameters for given amplitudes, the effect switched on.
   std::function<void(EffectValues&, const Eigen::VectorXd&)> apply;
   /// Estimates of all its parameters that a record can tell.
@@ -48,9 +50,9 @@ struct Variant {
       estimate;
 };
 
-/// The ways in which an effect is tried without a look at the record: amplitudes as the registry has them, the first
-/// shape parameter at its prior's median and one deviation above and below, the others at their defaults, and each
-/// switch once. block_drop and vessel_heave, whose times and periods are anywhere, have none: see Chain::locate().
+/// The ways in which an effect is tried without a look at the record: amplitudes as the registry has them, the shape
+/// parameter that is `tried` at its prior's median and one deviation above and below, all others at their defaults.
+/// block_drop and vessel_heave, whose times and periods are anywhere, have none: see Chain::locate().
 /// @param position  of the record: a measured one has the loss of hoist speed in it already
 std::vector<Variant> makeVariants(const EffectDescription& effect, PositionOrigin position);
 
@@ -61,14 +63,21 @@ Variant makeFalls(const std::vector<double>& times_s);
 /// @param hangs_clear  of the ice before the lift. A rig that knocks at it does so in proportion to the swell, roughly
 Variant makeSwell(const std::vector<double>& periods_s, bool hangs_clear);
 
-/// pole_tilt where lateral channels show its direction. Of a pole that leans: drift, sway of four periods as sine and
-/// cosine, and drift with each of the two longer ones. Of one that stays upright: drift, and sway of the usual period.
-/// Amplitudes have both signs. Those of a leaning pole are simulated at the size that fits the way best, but no less
-/// than the prior's sigma.
+/// pole_tilt whose top moves along, where lateral channels show a direction: drift, and sway of the usual period. The
+/// channels do not show its way. Amplitudes have both signs.
 /// @param direction_deg  in (-180, 180]
-/// @param time_s         since the start of the lift
-/// @param way_m          at these times: how far the foot would be aside if a lean gave all the lateral force
-std::vector<Variant> makeTilts(double direction_deg, const Eigen::VectorXd& time_s, const Eigen::VectorXd& way_m);
+std::vector<Variant> makeUprightTilts(double direction_deg);
+
+/// The ways that a leaning pole may go, with what lateral channels show of each: drift, sway of four periods as sine
+/// and cosine, and drift with each of the two longer ones. Amplitudes have both signs. They are simulated at the size
+/// that fits the way best, but no less than the prior's sigma.
+/// @param direction_deg  in (-180, 180]
+/// @param pole_length_m  > 0
+/// @param time_s         of bins, 0 at the start of the lift
+/// @param tension_n      in the bins, the rig's weight included
+/// @param along_n        lateral force in the direction
+std::vector<Variant> makeLeaningTilts(double direction_deg, double pole_length_m, const Eigen::VectorXd& time_s,
+                                      const Eigen::VectorXd& tension_n, const Eigen::VectorXd& along_n);
 
 /// What a fall of 1 kg of ice takes off the force, N, roughly: for finding its time only.
 Eigen::VectorXd fallTemplate(double time_s, const Eigen::VectorXd& bin_time_s);

@@ -164,9 +164,12 @@ class Chain {
   Eigen::MatrixXd discrepancyOf(const Site& site, const Eigen::VectorXd& curve_n) const;
   void setErrors(const Eigen::VectorXd& curve_n, const Eigen::VectorXd& x);
   void addVariants();
+  void addTilts();
   std::vector<std::pair<const Variant*, std::size_t>> typicalAmplitudes(const EffectDescription& effect) const;
   /// Arrangements on which a variant's signature is taken.
-  int pairsOf(const Variant& variant) const { return settled_.count(&variant) > 0 ? kPairs : 1; }
+  int pairsOf(const Variant& variant) const {
+    return settled_.count(&variant) > 0 && !variant.effect->spares_ice ? kPairs : 1;
+  }
   bool settle(std::vector<const Variant*> variants);
   void computeSignatures(const std::vector<const Variant*>& variants, const std::string& what);
   std::vector<std::string> requestSignature(const Site& site, const Variant& variant);
@@ -175,11 +178,16 @@ class Chain {
   LinearModel linearModel(const Model& model) const;
   Eigen::MatrixXd formErrors(const Model& model, const Eigen::VectorXd& amplitudes) const;
   void refit(Model& model) const;
-  void addEffect(Model& model, const Variant& variant) const;
+  void addEffect(Model& model, const Variant& variant, const Eigen::MatrixXd& columns) const;
   Model linear(const Variant* variant) const;
   double findPlaces(const Model& start, const std::vector<double>& places, const Amplitude& prior,
                     const std::function<Eigen::MatrixXd(double)>& columns, std::vector<double>& found,
                     double& log_odds) const;
+  std::vector<const Variant*> locateFalls(const Model& start);
+  std::vector<const Variant*> locateSwell(const Model& start);
+  std::vector<const Variant*> locateTilt(const Model& start);
+  Eigen::MatrixXd sidewaysOnly(const Variant& leaning) const;
+  const Variant* addLocated(Variant variant, double log_odds);
   void locate(const Model& start, const std::string& what);
   void confirm(const std::vector<Model*>& models, const std::string& what);
   Eigen::VectorXd clipped(const Model& model, Eigen::VectorXd x) const;
@@ -210,10 +218,11 @@ class Chain {
   Eigen::Index record_rows_ = 0;                 ///< of the records, without lateral channels
   std::vector<IceUnknown> ice_;
   std::vector<std::unique_ptr<Variant>> variants_;
+  std::vector<Variant> leaning_;    ///< ways of a leaning pole, where lateral channels would show them
   std::unique_ptr<Variant> swell_;  ///< of kSwellPeriodS, from which those of other periods follow
   std::map<const Variant*, Eigen::MatrixXd> signatures_;
   std::set<const Variant*> settled_;  ///< whose signature is taken on all pairs; one shows how likely a shape is
-  std::map<const Variant*, double> located_log_odds_;  ///< of falls and swell: for having looked at many times
+  std::map<const Variant*, double> located_log_odds_;  ///< for having looked at many times or ways
   Eigen::VectorXd data_;
   ErrorModel errors_;
   IceValues ice_at_, ice_sigma_;  ///< refitted ice for which they are, and what is believed of it

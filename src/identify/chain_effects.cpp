@@ -305,6 +305,11 @@ void Chain::locate(const Model& start, const std::string& what) {
   for (const auto& found : {locateFalls(start), locateSwell(start), locateTilt(start)}) {
     added.insert(added.end(), found.begin(), found.end());
   }
+  // Falls and tilts that the record suggests mostly go on to be confirmed, which asks for all pairs: at once, or cores
+  // would wait for one run, twice. Of swell there are two ways, and one of them goes on.
+  for (const Variant* v : added) {
+    if (v->periods_s.empty()) settled_.insert(v);
+  }
   computeSignatures(added, what);
 }
 

@@ -298,12 +298,15 @@ std::vector<const Variant*> Chain::locateTilt(const Model& start) {
   return {addLocated(leaning_[best], mean_gain - gains[best])};
 }
 
-/// Adds falls, swell and a tilt of the pole where the record suggests them, beside what a model has already.
+/// Adds a tilt of the pole, falls, and swell where the record suggests them, beside what a model has already. A quick
+/// look has no time for places.
 void Chain::locate(const Model& start, const std::string& what) {
   if (!sites_.front().observation().ice_contact) return;
-  std::vector<const Variant*> added;
-  for (const auto& found : {locateFalls(start), locateSwell(start), locateTilt(start)}) {
-    added.insert(added.end(), found.begin(), found.end());
+  std::vector<const Variant*> added = locateTilt(start);
+  if (!input_.screen_only) {
+    for (const auto& found : {locateFalls(start), locateSwell(start)}) {
+      added.insert(added.end(), found.begin(), found.end());
+    }
   }
   // Falls and tilts that the record suggests mostly go on to be confirmed, which asks for all pairs: at once, or cores
   // would wait for one run, twice. Of swell there are two ways, and one of them goes on.

@@ -57,7 +57,7 @@ Identification Chain::run() {
   baseline_offset_ = baseline.offset;
   setErrors(baseline.curve_n, baseline.x);
   refit(baseline);
-  if (!input_.screen_only) locate(baseline, "falls, swell, and tilt");
+  locate(baseline, "tilt, falls, and swell");
 
   std::vector<Model> models = screenEffects(baseline);
   std::vector<Model*> to_confirm{&baseline};
@@ -156,7 +156,7 @@ void Chain::addSecondEffect(std::vector<Model>& models, const Model& baseline) {
   // What the first one leaves must mean something, or the second would explain the simulator's own error.
   if (!isSignificant(chi2PerBin(first), computeLjungBox(whitened(first), kPortmanteauLags), thresholds_)) return;
   const std::string first_name = first.variants[0]->effect->name;
-  locate(first, "falls, swell, and tilt beside " + first_name);
+  locate(first, "tilt, falls, and swell beside " + first_name);
   const auto with = [&](const Variant& second) {
     Model pair = first;
     addEffect(pair, second, signatures_.at(&second));

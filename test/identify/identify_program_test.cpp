@@ -229,22 +229,45 @@ TEST_F(IdentifyProgram, AFallThatDoesNotComeBackIsNotHeldAgainstIt) {
   EXPECT_GT(fall["holdout_log_ratio"], -5.0) << outcome.text;
 }
 
-TEST_F(IdentifyProgram, LateralChannelsShowThatThePoleMovesSidewaysAndWhereTo) {
-  ASSERT_EQ(program("run small.yaml --set effects.pole_tilt.enabled=true --set effects.pole_tilt.drift_mps=0.02 "
-                    "--set effects.pole_tilt.direction_deg=40 --set effects.pole_tilt.lean_ratio=0 --out tilted_run")
-                .exit_code,
-            0);
-  record(
-      "tilted", 5, [](double force, double) { return force; }, "tilted_run", true);
-  const Outcome outcome = program("identify tilted.csv --screen --out tilted_out --cache cache --no-report");
-  ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
-  const auto json = report("tilted_out"), first = json["ranking"][0];
-  EXPECT_EQ(first["name"], "pole_tilt") << outcome.text;
-  EXPECT_GT(first["log_bayes_factor"], 6.0);
-  const auto& direction = first["parameters"].back();
-  EXPECT_EQ(direction["key"], "effects.pole_tilt.direction_deg");
-  EXPECT_LT(direction["low"], 40.0);
-  EXPECT_GT(direction["high"], 40.0);
+class IdentifyTilt : public IdentifyProgram {
+ protected:
+  /// The first explanation of a record with lateral channels of a pole that moves towards 40 degrees.
+  static nlohmann::json firstOf(const std::string& name, const std::string& motion) {
+    const Outcome run = program(
+        "run small.yaml --set effects.pole_tilt.enabled=true "
+        "--set effects.pole_tilt.direction_deg=40 " +
+        motion + " --out " + name + "_run");
+    EXPECT_EQ(run.exit_code, 0) << run.text;
+    record(
+        name, 5, [](double force, double) { return force; }, name + "_run", true);
+    const Outcome outcome =
+        program("identify " + name + ".csv --screen --out " + name + "_out --cache cache --no-report");
+    EXPECT_EQ(outcome.exit_code, 0) << outcome.text;
+    return report(name + "_out")["ranking"][0];
+  }
+  static void expectTilt(const nlohmann::json& first, const std::string& shape) {
+    EXPECT_EQ(first["name"], "pole_tilt");
+    EXPECT_NE(first["shape"].get<std::string>().find(shape), std::string::npos) << first["shape"];
+    EXPECT_GT(first["log_bayes_factor"], 6.0);
+    const auto& direction = first["parameters"].back();
+    EXPECT_EQ(direction["key"], "effects.pole_tilt.direction_deg");
+    EXPECT_LT(direction["low"], 40.0);
+    EXPECT_GT(direction["high"], 40.0);
+  }
+};
+
+TEST_F(IdentifyTilt, OfAnUprightPoleIsSeenByTheIceThatItPushesAndWhereTo) {
+  expectTilt(firstOf("upright", "--set effects.pole_tilt.drift_mps=0.02 --set effects.pole_tilt.lean_ratio=0"),
+             "lean_ratio = 0");
+}
+
+/// Before anything is simulated the lateral channels tell that it leans, and the period of its sway.
+TEST_F(IdentifyTilt, OfALeaningPoleIsSeenByTheLateralChannelsAndWhereTo) {
+  const auto first = firstOf("leaning",
+                             "--set effects.pole_tilt.drift_mps=0 --set effects.pole_tilt.sway_m=0.3 "
+                             "--set effects.pole_tilt.sway_period_s=9.1");
+  expectTilt(first, "lean_ratio = 1, sway_period_s = 9.09");
+  EXPECT_EQ(first["parameters"][0]["key"], "effects.pole_tilt.sway_m");
 }
 
 TEST_F(IdentifyProgram, GarbageIsRefusedAndLeavesNoReport) {

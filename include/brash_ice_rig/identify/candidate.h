@@ -51,8 +51,9 @@ struct Variant {
 };
 
 /// The ways in which an effect is tried without a look at the record: amplitudes as the registry has them, the shape
-/// parameter that is `tried` at its prior's median and one deviation above and below, all others at their defaults.
-/// block_drop and vessel_heave, whose times and periods are anywhere, have none: see Chain::locate().
+/// parameter that is `tried` at its prior's median and one deviation above and below, three values of a `seed`, all
+/// others at their defaults. block_drop and vessel_heave, whose times and periods are anywhere, have none: see
+/// Chain::locate().
 /// @param position  of the record: a measured one has the loss of hoist speed in it already
 std::vector<Variant> makeVariants(const EffectDescription& effect, PositionOrigin position);
 

@@ -23,6 +23,7 @@
 
 #include "brash_ice_rig/CraneState.h"
 #include "brash_ice_rig/SimStatus.h"
+#include "brash_ice_rig/node/service_call.h"
 #include "brash_ice_rig/node/topic_names.h"
 #include "brash_ice_rig/teleop/key_teleop.h"
 #include "brash_ice_rig/teleop/terminal.h"
@@ -130,7 +131,7 @@ class KeyTeleopProgram {
   void tare() {
     std_srvs::Trigger trigger;
     const std::string service = node_.resolveName(services::kTare);
-    note_ = "tare: " + (ros::service::call(service, trigger) ? trigger.response.message : "no answer from " + service);
+    note_ = "tare: " + (callService(service, trigger) ? trigger.response.message : "no answer from " + service);
   }
 
   std::vector<std::string> lines(std::size_t width, double now_s) const {

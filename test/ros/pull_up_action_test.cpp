@@ -21,6 +21,7 @@
 #include "brash_ice_rig/ForceComponents.h"
 #include "brash_ice_rig/LoadScenario.h"
 #include "brash_ice_rig/PullUpAction.h"
+#include "brash_ice_rig/node/service_call.h"
 #include "test_support.h"
 
 namespace brash_ice_rig {
@@ -247,7 +248,7 @@ TEST_F(PullUpByAction, SecondGoalIsRejectedAndTheFirstGoesOn) {
 TEST_F(PullUpByAction, ScenarioIsNotReplacedUnderAGoalNorUnderAMovingCrane) {
   LoadScenario load;
   const auto answer = [&load] {
-    EXPECT_TRUE(ros::service::call("rig_node/load_scenario", load));
+    EXPECT_TRUE(callService("rig_node/load_scenario", load));
     EXPECT_FALSE(load.response.success);
     return load.response.message;
   };

@@ -12,6 +12,7 @@
 
 #include "brash_ice_rig/LoadScenario.h"
 #include "brash_ice_rig/TakenCommand.h"
+#include "brash_ice_rig/node/service_call.h"
 #include "test_support.h"
 
 namespace brash_ice_rig {
@@ -35,7 +36,7 @@ Values set(const Values& numbers, const std::map<std::string, bool>& switches = 
     call.request.config.bools.push_back(parameter);
   }
   EXPECT_TRUE(ros::service::waitForService("rig_node/set_parameters", 15000));
-  EXPECT_TRUE(ros::service::call("rig_node/set_parameters", call));
+  EXPECT_TRUE(callService("rig_node/set_parameters", call));
   Values after;
   for (const auto& parameter : call.response.config.doubles) after[parameter.name] = parameter.value;
   return after;
@@ -52,7 +53,7 @@ LoadScenario::Response load(const std::string& scenario, const std::string& over
   call.request.overlays = overlays;
   call.request.settings = settings;
   EXPECT_TRUE(ros::service::waitForService("rig_node/load_scenario", 15000));
-  EXPECT_TRUE(ros::service::call("rig_node/load_scenario", call));
+  EXPECT_TRUE(callService("rig_node/load_scenario", call));
   return call.response;
 }
 

@@ -12,6 +12,7 @@
 
 #include "brash_ice_rig/SimStatus.h"
 #include "brash_ice_rig/Step.h"
+#include "brash_ice_rig/node/service_call.h"
 
 // What the node's tests share. Waiting is by wall time throughout: ROS time is the thing under test.
 namespace brash_ice_rig {
@@ -86,7 +87,7 @@ class Listener {
 inline std_srvs::Trigger::Response callTrigger(const std::string& name) {
   std_srvs::Trigger trigger;
   EXPECT_TRUE(ros::service::waitForService(name, 15000)) << name;
-  EXPECT_TRUE(ros::service::call(name, trigger)) << name;
+  EXPECT_TRUE(callService(name, trigger)) << name;
   return trigger.response;
 }
 
@@ -94,7 +95,7 @@ inline std_srvs::Trigger::Response callTrigger(const std::string& name) {
 inline Step::Response callStep(const std::string& name, double duration_s) {
   Step step;
   step.request.duration_s = duration_s;
-  EXPECT_TRUE(ros::service::call(name, step)) << name;
+  EXPECT_TRUE(callService(name, step)) << name;
   return step.response;
 }
 

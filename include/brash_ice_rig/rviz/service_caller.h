@@ -9,6 +9,8 @@
 
 #include <ros/service.h>
 
+#include "brash_ice_rig/node/service_call.h"
+
 namespace brash_ice_rig {
 
 /// Calls services of the rig, one at a time, without making the caller wait. Each is looked up when it is called, so
@@ -36,7 +38,7 @@ class ServiceCaller {
     std::thread([pending = pending_, name, service]() mutable {
       Answer answer{name, false, "there is no such service; is the rig running?"};
       if (ros::service::exists(name, false)) {
-        const bool answered = ros::service::call(name, service);
+        const bool answered = callService(name, service);
         answer.success = answered && service.response.success;
         answer.message = answered ? service.response.message : "the node went away before it answered";
       }

@@ -39,14 +39,15 @@ EffectDescription describeFreezeBonds() {
   d.name = "freeze_bonds";
   d.mechanism = "blocks are frozen together until they slip";
   d.parameters = {
-      amplitude("strength_ratio", "1", 1.0, {0.0, 50.0}, {PriorKind::kHalfNormal, 0.0, 1.0}, false,
+      amplitude("strength_ratio", "1", 3.0, {0.0, 50.0}, {PriorKind::kHalfNormal, 0.0, 3.0}, false,
                 "strength of the bonds over that of the ice without them"),
-      shape("slip_m", "m", 0.01, {1.0e-4, 0.5}, {PriorKind::kLogNormal, 0.01, 0.7},
+      shape("slip_m", "m", 0.003, {1.0e-4, 0.5}, {PriorKind::kLogNormal, 0.003, 0.7},
             "slip between neighbouring blocks over which bonds are lost"),
       switchSetting("brittle", false, "all bonds hold up to that slip and then none, instead of a gradual loss"),
   };
   d.confusable_with = {"refreezing", "rate_dependence"};
   d.how_to_tell = "a second lift at once in the same spot: broken bonds do not come back";
+  d.timing_sigma_s = 0.5;
   d.changes_strength = true;
   d.in_energy_balance = true;
   d.make = [](const EffectValues& values, const Scenario& scenario) {

@@ -298,15 +298,20 @@ std::vector<const Variant*> Chain::locateTilt(const Model& start) {
   return {addLocated(leaning_[best], mean_gain - gains[best])};
 }
 
-/// Adds a tilt of the pole, falls, and swell where the record suggests them, beside what a model has already. A quick
-/// look has no time for places.
+/// Adds a tilt of the pole, falls, and swell where the record suggests them, beside what a model has already: none of
+/// what it has. A quick look has no time for places.
 void Chain::locate(const Model& start, const std::string& what) {
   if (!sites_.front().observation().ice_contact) return;
-  std::vector<const Variant*> added = locateTilt(start);
+  std::vector<const Variant*> added;
+  const auto look = [&](const char* effect, std::vector<const Variant*> (Chain::*locateOne)(const Model&)) {
+    if (hasEffect(start, effect)) return;
+    const std::vector<const Variant*> found = (this->*locateOne)(start);
+    added.insert(added.end(), found.begin(), found.end());
+  };
+  look("pole_tilt", &Chain::locateTilt);
   if (!input_.screen_only) {
-    for (const auto& found : {locateFalls(start), locateSwell(start)}) {
-      added.insert(added.end(), found.begin(), found.end());
-    }
+    look("block_drop", &Chain::locateFalls);
+    look("vessel_heave", &Chain::locateSwell);
   }
   // Falls and tilts that the record suggests mostly go on to be confirmed, which asks for all pairs: at once, or cores
   // would wait for one run, twice. Of swell there are two ways, and one of them goes on.

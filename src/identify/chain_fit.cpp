@@ -45,8 +45,8 @@ Eigen::MatrixXd Chain::formErrors(const Model& model, const Eigen::VectorXd& amp
   Eigen::MatrixXd form = Eigen::MatrixXd::Zero(data_.size(), data_.size());
   for (const Site& site : sites_) {
     if (!site.observation().ice_contact) continue;
-    form.block(site.first_row, site.first_row, site.rows(), site.rows()) =
-        computeFormCovariance(*site.discrepancy, site.observation(), change.segment(site.first_row, site.rows()));
+    form.block(site.first_row, site.first_row, site.rows(), site.rows()) = computeFormCovariance(
+        *site.discrepancy, site.observation(), change.segment(site.first_row, site.rows()), timingSigma(model));
   }
   return form;
 }

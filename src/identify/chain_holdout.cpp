@@ -189,12 +189,13 @@ std::vector<LinearModel> waysOf(const Channels& channels, const Parts<Forces>& p
 }
 
 /// Adds what an effect's law may be off, for a change of the force of this size.
-void addFormErrors(const Channels& channels, const Eigen::VectorXd& change, double weight, Eigen::MatrixXd& noise) {
+void addFormErrors(const Channels& channels, const Eigen::VectorXd& change, double timing_sigma_s, double weight,
+                   Eigen::MatrixXd& noise) {
   Eigen::Index row = 0;
   for (const Site& channel : channels.sites) {
     noise.block(row, row, channel.rows(), channel.rows()) +=
-        weight *
-        computeFormCovariance(*channel.discrepancy, channel.observation(), change.segment(row, channel.rows()));
+        weight * computeFormCovariance(*channel.discrepancy, channel.observation(), change.segment(row, channel.rows()),
+                                       timing_sigma_s);
     row += channel.rows();
   }
 }
@@ -219,11 +220,12 @@ std::optional<Prediction> predict(const Channels& channels, const Model& model, 
                                          [](const Variant* v) { return !v->effect->reading_only; });
   if (changes_force && channels.sites.front().observation().ice_contact) {
     const Eigen::VectorXd always_n = channels.mean(parts.always, 0.0, sideways);
+    const double timing_sigma_s = timingSigma(model);
     const Forces& largest = parts.with_events ? *parts.with_events : parts.always;
-    addFormErrors(channels, channels.mean(largest, 0.0, sideways) - without_n, 1.0, errors.noise);
+    addFormErrors(channels, channels.mean(largest, 0.0, sideways) - without_n, timing_sigma_s, 1.0, errors.noise);
     for (const auto& swing : parts.swings) {
-      addFormErrors(channels, channels.mean(swing.with, 0.0, sideways) - always_n, swing.share * swing.share,
-                    errors.noise);
+      addFormErrors(channels, channels.mean(swing.with, 0.0, sideways) - always_n, timing_sigma_s,
+                    swing.share * swing.share, errors.noise);
     }
   }
   const Eigen::VectorXd data = channels.data();

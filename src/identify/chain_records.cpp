@@ -292,7 +292,7 @@ Eigen::MatrixXd Chain::lateralDiscrepancy(const Site& site, const Site& vertical
       (site.chaos_n.array().square() + (kChangingShare * askew_n).array().square()).sqrt();
   Discrepancy whole;
   whole.form_share = 1.0;
-  return computeFormCovariance(whole, site.observation(), changing_n) + askew_n * askew_n.transpose();
+  return computeFormCovariance(whole, site.observation(), changing_n, 0.0) + askew_n * askew_n.transpose();
 }
 
 /// Covariance of what the simulator is off for a force as large as this curve of the baseline. Its shape is that of the

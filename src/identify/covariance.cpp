@@ -361,15 +361,26 @@ Eigen::VectorXd cornerPlaces(const Discrepancy& d, const HoistPath& path) {
 
 }  // namespace
 
-Eigen::MatrixXd computeFormCovariance(const Discrepancy& d, const Observation& o, const Eigen::VectorXd& change_n) {
+Eigen::MatrixXd computeFormCovariance(const Discrepancy& d, const Observation& o, const Eigen::VectorXd& change_n,
+                                      double timing_sigma_s) {
   const Eigen::Index n = o.time_s.size();
-  const Eigen::VectorXd place = placesOf(d, o);
+  const Eigen::VectorXd place = placesOf(d, o), scaled_n = d.form_share * change_n;
+  // What one standard deviation of time makes of it. A difference over both of them: where the change scatters with the
+  // blocks, its slope is mostly scatter. Without references as much is allowed for anyway where the hoist starts and
+  // where blocks rearrange.
+  const double shift_s = d.fromReferences() ? timing_sigma_s : 0.0;
+  const std::vector<double> time_s(o.time_s.begin(), o.time_s.end()), change(change_n.begin(), change_n.end());
+  Eigen::VectorXd shifted_n(n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    shifted_n[i] = 0.5 * (valueOfBrokenLine(time_s, change, o.time_s[i] + shift_s) -
+                          valueOfBrokenLine(time_s, change, o.time_s[i] - shift_s));
+  }
   Eigen::MatrixXd covariance(n, n);
   for (Eigen::Index i = 0; i < n; ++i) {
     for (Eigen::Index j = 0; j <= i; ++j) {
       const double apart = std::abs(place[i] - place[j]);
-      covariance(i, j) = covariance(j, i) =
-          d.form_share * d.form_share * change_n[i] * change_n[j] * computeMatern32(apart, d.form_length_m);
+      covariance(i, j) = covariance(j, i) = scaled_n[i] * scaled_n[j] * computeMatern32(apart, d.form_length_m) +
+                                            shifted_n[i] * shifted_n[j] * computeMatern32(apart, d.timing_length_m);
     }
   }
   return covariance;

@@ -194,6 +194,7 @@ std::string toJson(const Identification& id, const Thresholds& t) {
                          {"turn_length_m", d.turn_length_m},
                          {"form_share", d.form_share},
                          {"form_length_m", d.form_length_m},
+                         {"timing_length_m", d.timing_length_m},
                          {"rest_share", d.rest_share},
                          {"rest_length_m", d.rest_length_m},
                          {"creep_mps", d.creep_mps},

@@ -503,11 +503,29 @@ TEST(Covariance, WhatAnEffectsLawMayBeOffGrowsWithTheEffect) {
   o.travel_m = Eigen::Vector3d(0.0, 0.03, 1.0);
   Discrepancy d;
   d.form_share = 0.5;
-  const Eigen::MatrixXd k = computeFormCovariance(d, o, Eigen::Vector3d(100.0, -200.0, 0.0));
+  const Eigen::MatrixXd k = computeFormCovariance(d, o, Eigen::Vector3d(100.0, -200.0, 0.0), 0.0);
   EXPECT_NEAR(k(0, 0), 2500.0, 1e-9);
   EXPECT_NEAR(k(1, 1), 10000.0, 1e-9);
   EXPECT_LT(k(0, 1), 0.0);
   EXPECT_EQ(k(2, 2), 0.0);
+}
+
+/// What rises by 1000 N within a second is 500 N off if it comes half a second early or late.
+TEST(Covariance, WhatHappensAtAMomentMayComeEarlyOrLate) {
+  const Eigen::Index count = 61;
+  Observation o;
+  o.time_s = Eigen::VectorXd::LinSpaced(count, 0.0, 15.0);
+  o.travel_m = o.way_m = 0.07 * o.time_s;
+  const Eigen::VectorXd change_n = 1000.0 * (o.time_s.array() - 10.0).max(0.0).min(1.0);
+  Discrepancy d = learnDiscrepancy({makeReference(0.01, 0.0), makeReference(0.02, 0.0)}, Discrepancy());
+  const auto form = [&](double timing_sigma_s) { return computeFormCovariance(d, o, change_n, timing_sigma_s); };
+  const Eigen::MatrixXd timing = form(0.5) - form(0.0);
+  EXPECT_NEAR(timing(42, 42), 500.0 * 500.0, 1e-6) << "10.5 s, in the middle of the rise";
+  EXPECT_NEAR(timing(38, 38), 0.0, 1e-6) << "9.5 s";
+  EXPECT_NEAR(timing(60, 60), 0.0, 1e-6) << "15 s";
+  EXPECT_NEAR(form(0.0)(60, 60), std::pow(d.form_share * 1000.0, 2), 1e-6);
+  d.way_m.clear();
+  EXPECT_TRUE(form(0.5).isApprox(form(0.0))) << "without references";
 }
 
 }  // namespace

@@ -80,6 +80,8 @@ struct EffectDescription {
   bool reading_only = false;
   /// It acts on the rig alone: what it does to the load cell is the same in any ice.
   bool spares_ice = false;
+  /// Of what happens at a moment: how far its law may have that wrong, standard deviation, s. 0 of what goes on.
+  double timing_sigma_s = 0.0;
   /// Lateral channels of a load cell show it. Of others a change of lateral force counts as scatter.
   bool acts_sideways = false;
   /// It begins with procedure.rest_duration_s, before the lift. All others begin at time 0.

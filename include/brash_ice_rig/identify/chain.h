@@ -116,6 +116,17 @@ inline bool actsSideways(const Model& m) {
   return std::any_of(m.variants.begin(), m.variants.end(), [](const Variant* v) { return v->effect->acts_sideways; });
 }
 
+inline bool hasEffect(const Model& m, const std::string& effect) {
+  return std::any_of(m.variants.begin(), m.variants.end(), [&](const Variant* v) { return v->effect->name == effect; });
+}
+
+/// How far its effects' laws may be off in time, s.
+inline double timingSigma(const Model& m) {
+  double sigma_s = 0.0;
+  for (const Variant* v : m.variants) sigma_s = std::max(sigma_s, v->effect->timing_sigma_s);
+  return sigma_s;
+}
+
 /// ln of the evidence of an effect in its best shape, the choice of the shape counted.
 inline double score(const Model& m) {
   return m.fit.log_evidence + m.shape_log_odds;

@@ -49,11 +49,12 @@ struct Discrepancy {
   double turn_length_m = 0.15;     ///< over which that fades
   double known_turn_share = 0.08;  ///< of the largest force, at a turn that references have, too
   double known_turn_length_m = 0.08;
-  double rest_share = 0.01;     ///< of the largest force: how the rig touches the ice before the first motion
-  double rest_length_m = 0.05;  ///< over which that is forgotten
-  double form_share = 0.3;      ///< of what an effect does: laws differ
-  double form_length_m = 0.3;   ///< over which that changes
-  double creep_mps = 0.002;     ///< ice at rest changes as if the hoist covered this, beside the places of known rests
+  double rest_share = 0.01;       ///< of the largest force: how the rig touches the ice before the first motion
+  double rest_length_m = 0.05;    ///< over which that is forgotten
+  double form_share = 0.3;        ///< of what an effect does: laws differ
+  double form_length_m = 0.3;     ///< over which that changes
+  double timing_length_m = 0.05;  ///< over which it changes by how much an effect comes early or late
+  double creep_mps = 0.002;  ///< ice at rest changes as if the hoist covered this, beside the places of known rests
 };
 
 /// Matérn's correlation of smoothness 3/2 (Rasmussen and Williams 2006, eq. 4.17): (1 + √3 d/l) exp(−√3 d/l).
@@ -112,10 +113,12 @@ Discrepancy learnDiscrepancy(const std::vector<ReferenceLift>& lifts, const Disc
 /// Ways at which the hoist starts, stops or turns, m.
 std::vector<double> findTurns(const HoistPath& path);
 
-/// Covariance of what an effect's law may be off, N²: nature's drainage is not the library's.
-/// @param change_n  what the effect does to the force
+/// Covariance of what an effect's law may be off, N²: nature's drainage is not the library's, and what happens at a
+/// moment comes earlier or later there.
+/// @param change_n        what the effect does to the force
+/// @param timing_sigma_s  see EffectDescription; >= 0
 Eigen::MatrixXd computeFormCovariance(const Discrepancy& discrepancy, const Observation& observation,
-                                      const Eigen::VectorXd& change_n);
+                                      const Eigen::VectorXd& change_n, double timing_sigma_s);
 
 /// Covariance of what the simulator is off, N².
 /// @param ice_force_n  of the simulation, in the bins of the observation

@@ -37,7 +37,7 @@ OUTCOMES = {
 
 # Parameters of the truth that have no counterpart in the library, and why.
 NOT_COMPARED = {
-    "freeze_bonds": "the truth adds a strength in Pa, the library multiplies that of the ice",
+    "freeze_bonds": "bonds of the truth are in the joints between columns, those of the library in all of the ice",
     "load_cell_drift": "the truth creeps with the logarithm of time, the library drifts steadily",
     "pole_tilt": "the truth moves along an ellipse, the library along a straight line",
     "rate_dependence": "the truth grows with asinh of the speed, the library with a power of the strain rate",

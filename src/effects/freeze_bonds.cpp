@@ -3,19 +3,26 @@
 
 #include "brash_ice_rig/effects/effect.h"
 
+#include "brash_ice_rig/ice/ice_scaling.h"
 #include "brash_ice_rig/math/repeatable.h"
 
 namespace brash_ice_rig {
 namespace {
 
-/// Blocks are frozen together at first. The bonds add strength_ratio to the strength of the ice and are lost for good
-/// as blocks slip past each other. The slip between neighbours, a spacing apart, is the plastic shear strain times the
-/// spacing: s = sqrt(3) e_p dx (e_p as CapModel has it; sqrt(3) e_p is the angle of simple shear).
-/// Smooth: bonds keep the share exp(-s / s_b). Brittle: all hold until s = s_b, then none.
+/// Cohesion of the ice as it is without bonds, Pa: that which eq. 10 makes its alpha of.
+double looseCohesion(const IceConfig& ice) {
+  if (!ice.shear_constant_pa) return ice.cohesion_pa;
+  return *ice.shear_constant_pa / computeShearSurface(1.0, ice.friction_angle_deg).constant_pa;
+}
+
+/// Blocks are frozen together at first. The bonds add their cohesion to that of the ice, whose whole yield surface goes
+/// with it, and are lost for good as blocks slip past each other. The slip between neighbours, a spacing apart, is the
+/// plastic shear strain times the spacing: s = sqrt(3) e_p dx (e_p as CapModel has it; sqrt(3) e_p is the angle of
+/// simple shear). Smooth: bonds keep the share exp(-s / s_b). Brittle: all hold until s = s_b, then none.
 class FreezeBonds : public Effect {
  public:
   FreezeBonds(const EffectValues& values, const Scenario& scenario)
-      : strength_ratio_(values["strength_ratio"]),
+      : strength_ratio_(values["bond_cohesion_pa"] / looseCohesion(scenario.ice)),
         slip_per_strain_(std::sqrt(3.0) * scenario.field.spacing_m / values["slip_m"]),
         brittle_(values["brittle"] != 0.0) {}
 
@@ -39,15 +46,15 @@ EffectDescription describeFreezeBonds() {
   d.name = "freeze_bonds";
   d.mechanism = "blocks are frozen together until they slip";
   d.parameters = {
-      amplitude("strength_ratio", "1", 3.0, {0.0, 50.0}, {PriorKind::kHalfNormal, 0.0, 3.0}, false,
-                "strength of the bonds over that of the ice without them"),
+      amplitude("bond_cohesion_pa", "Pa", 600.0, {0.0, 1.0e6}, {PriorKind::kHalfNormal, 0.0, 1000.0}, false,
+                "cohesion that the bonds add to that of the ice without them"),
       shape("slip_m", "m", 0.003, {1.0e-4, 0.5}, {PriorKind::kLogNormal, 0.003, 0.7},
             "slip between neighbouring blocks over which bonds are lost"),
       switchSetting("brittle", false, "all bonds hold up to that slip and then none, instead of a gradual loss"),
   };
   d.confusable_with = {"refreezing", "rate_dependence"};
   d.how_to_tell = "a second lift at once in the same spot: broken bonds do not come back";
-  d.timing_sigma_s = 0.5;
+  d.timing_sigma_s = 1.0;
   d.changes_strength = true;
   d.in_energy_balance = true;
   d.make = [](const EffectValues& values, const Scenario& scenario) {

@@ -120,8 +120,8 @@ void Chain::addDetectable(Identification& result, const Detectability& detectabi
     for (const Eigen::MatrixXd& all : signaturesOf(v)) columns.push_back(all.col(static_cast<Eigen::Index>(amplitude)));
     return columns;
   };
-  // The middle of the shapes of each effect; falls and swell at a place of their own,
-  // a lean by what lateral channels show of it.
+  // The middle of the shapes of each effect; falls and swell at a place of their own; a lean by what lateral channels
+  // show of it, of its sways the fastest.
   for (const EffectDescription& effect : effectRegistry()) {
     const std::string name = effect.name;
     const Site& site = sites_.front();

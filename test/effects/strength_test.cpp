@@ -12,7 +12,7 @@ namespace {
 // ---- freeze_bonds
 
 TEST(FreezeBonds, SmoothBondsKeepOneOverEAfterTheirSlip) {
-  const auto bonds = makeEffect("freeze_bonds", {{"strength_ratio", 2.0}, {"slip_m", 0.01}});
+  const auto bonds = makeEffect("freeze_bonds", {{"bond_cohesion_pa", 400.0}, {"slip_m", 0.01}});  // the ice has 200 Pa
   IceBench ice(3);
   // A shear angle of 0.01 m over the spacing of 0.3 m; plastic strain is that over sqrt(3).
   ice.plastic_strain[1] = static_cast<float>(0.01 / 0.3 / std::sqrt(3.0));
@@ -24,13 +24,23 @@ TEST(FreezeBonds, SmoothBondsKeepOneOverEAfterTheirSlip) {
 }
 
 TEST(FreezeBonds, BrittleBondsHoldUpToTheirSlipAndThenNotAtAll) {
-  const auto bonds = makeEffect("freeze_bonds", {{"strength_ratio", 2.0}, {"slip_m", 0.01}, {"brittle", 1.0}});
+  const auto bonds = makeEffect("freeze_bonds", {{"bond_cohesion_pa", 400.0}, {"slip_m", 0.01}, {"brittle", 1.0}});
   IceBench ice(2);
   ice.plastic_strain[0] = static_cast<float>(0.0099 / 0.3 / std::sqrt(3.0));
   ice.plastic_strain[1] = static_cast<float>(0.0101 / 0.3 / std::sqrt(3.0));
   ice.step(*bonds);
   EXPECT_FLOAT_EQ(ice.changes.strength_ratio[0], 3.0f);
   EXPECT_FLOAT_EQ(ice.changes.strength_ratio[1], 1.0f);
+}
+
+TEST(FreezeBonds, CohesionCountsAgainstThatOfTheShearSurfaceThatIsGiven) {
+  Scenario s;
+  // Table 6: alpha 200 Pa and 50 degrees are a cohesion of 200.65 Pa by eq. 10, whose alpha is 0.99674 c there.
+  s.ice.cohesion_pa = 1.0;
+  s.ice.shear_constant_pa = 200.0;
+  IceBench ice(1);
+  ice.step(*makeEffect("freeze_bonds", {{"bond_cohesion_pa", 400.0}}, s));
+  EXPECT_NEAR(ice.changes.strength_ratio[0], 1.0 + 400.0 / 200.653, 1e-4);
 }
 
 // ---- refreezing

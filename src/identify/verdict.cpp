@@ -27,14 +27,6 @@ std::string joined(const std::vector<std::string>& names, const char* last) {
   return text;
 }
 
-/// ln of the Bayes factor that is asked of the fitted record where the held-out one speaks for the effect, too: of both
-/// together as much as of two records that exceed the threshold, of the fitted one half of it.
-/// @param holdout_log_ratio  NaN if that was not predicted
-double askedBeside(double holdout_log_ratio, double threshold) {
-  if (!std::isfinite(holdout_log_ratio)) return threshold;
-  return std::clamp(2.0 * threshold - holdout_log_ratio, 0.5 * threshold, threshold);
-}
-
 /// Whether a record shows this effect, whatever else may speak against it.
 bool stands(const Explanation& e, const Thresholds& thresholds) {
   return e.confirmed && e.log_bayes_factor > e.threshold && e.detectability >= thresholds.detectability;
@@ -126,11 +118,6 @@ bool isSignificant(double chi2_per_bin, double portmanteau_p, const Thresholds& 
 void decide(Identification& result, const RecordReport& report, const Thresholds& thresholds) {
   const bool excess = result.chi2_per_bin > thresholds.chi2_per_bin;
   result.significant = isSignificant(result.chi2_per_bin, result.portmanteau_p, thresholds);
-
-  // Without references, both records share what the simulator is off, and one says no more than the other.
-  if (result.discrepancy.fromReferences()) {
-    for (Explanation& e : result.ranking) e.threshold = askedBeside(e.holdout_log_ratio, e.threshold);
-  }
 
   bool partial = false;
   for (const Finding& finding : report.findings) {

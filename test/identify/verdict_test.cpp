@@ -50,25 +50,6 @@ TEST(Verdict, AnEffectIsNamedThatExceedsItsThreshold) {
   EXPECT_EQ(decided(ranked({found({"drainage"}, 6.0)})).verdict, Verdict::kUnknown);
 }
 
-TEST(Verdict, OfBothRecordsAsMuchIsAskedAsOfTwoThatExceedTheThreshold) {
-  const auto verdict = [](double fitted, double held_out, bool references = true) {
-    Explanation e = found({"drainage"}, fitted);
-    e.holdout_log_ratio = held_out;
-    Identification result = ranked({e});
-    if (!references) result.discrepancy.way_m.clear();
-    return decided(result).verdict;
-  };
-  EXPECT_EQ(verdict(5.0, 7.1), Verdict::kEffect);
-  EXPECT_EQ(verdict(5.0, 6.9), Verdict::kUnknown);
-  EXPECT_EQ(verdict(5.0, 7.1, false), Verdict::kUnknown) << "without references both share the simulator's error";
-  EXPECT_EQ(verdict(3.1, 40.0), Verdict::kEffect);
-  EXPECT_EQ(verdict(2.9, 40.0), Verdict::kUnknown) << "the fitted record must say something";
-  EXPECT_EQ(verdict(6.1, -0.9), Verdict::kEffect) << "of the fitted one no more is asked than of it alone";
-  Explanation e = found({"drainage"}, 5.0);
-  e.holdout_log_ratio = 8.0;
-  EXPECT_DOUBLE_EQ(decided(ranked({e})).ranking[0].threshold, 4.0) << "what was asked is told";
-}
-
 TEST(Verdict, WhatMakesTheCurveFarWorseIsNotNamed) {
   // What an effect's law may be off grows with it, and explains any ripple if it is large enough.
   Explanation wild = found({"drainage"}, 20.0);

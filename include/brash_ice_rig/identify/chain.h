@@ -211,6 +211,7 @@ class Chain {
   Explanation explain(const Model& model, const Model& baseline, const Detectability& detectability) const;
   std::vector<Model> screenEffects(const Model& baseline);
   std::vector<Model> bestShapes(const std::map<const Variant*, Model>& screened, const Model& baseline) const;
+  void startAsStated(std::vector<Model>& models, const Model& baseline);
   void startAgain(Model& baseline, const std::vector<Model>& models);
   void addSecondEffect(std::vector<Model>& models, const Model& baseline);
   ErrorModel heldOutErrors(std::vector<Site>& sites, const Eigen::VectorXd& without_n) const;

@@ -43,7 +43,7 @@ struct Explanation {
   std::vector<std::string> effects;
   std::string shape;
   double log_bayes_factor = 0.0;
-  double threshold = 0.0;  ///< that log_bayes_factor must exceed, beside what the held-out record says
+  double threshold = 0.0;
   double explained_ratio = 0.0;
   double chi2_per_bin = 0.0;
   double portmanteau_p = 0.0;

@@ -303,15 +303,13 @@ std::vector<const Variant*> Chain::locateTilt(const Model& start) {
 void Chain::locate(const Model& start, const std::string& what) {
   if (!sites_.front().observation().ice_contact) return;
   std::vector<const Variant*> added;
-  const auto look = [&](const char* effect, std::vector<const Variant*> (Chain::*locateOne)(const Model&)) {
-    if (hasEffect(start, effect)) return;
-    const std::vector<const Variant*> found = (this->*locateOne)(start);
+  const auto add = [&added](const std::vector<const Variant*>& found) {
     added.insert(added.end(), found.begin(), found.end());
   };
-  look("pole_tilt", &Chain::locateTilt);
+  if (!hasEffect(start, "pole_tilt")) add(locateTilt(start));
   if (!input_.screen_only) {
-    look("block_drop", &Chain::locateFalls);
-    look("vessel_heave", &Chain::locateSwell);
+    if (!hasEffect(start, "block_drop")) add(locateFalls(start));
+    if (!hasEffect(start, "vessel_heave")) add(locateSwell(start));
   }
   // Falls and tilts that the record suggests mostly go on to be confirmed, which asks for all pairs: at once, or cores
   // would wait for one run, twice. Of swell there are two ways, and one of them goes on.

@@ -260,19 +260,25 @@ void Chain::readBaseline(Site& site) {
   }
 }
 
+/// The force of the baseline with the ice that the manifest states, in all rows.
+Eigen::VectorXd Chain::baselineAsStated() const {
+  std::vector<Eigen::VectorXd> parts;
+  for (const Site& site : sites_) parts.push_back(site.start_n);
+  return stacked(parts);
+}
+
 /// All records in one.
 void Chain::stackRecords() {
-  std::vector<Eigen::VectorXd> data, offsets;
+  std::vector<Eigen::VectorXd> data;
   Eigen::Index rows = 0;
   for (Site& site : sites_) {
     site.first_row = rows;
     rows += site.rows();
     if (!site.direction_rad) record_rows_ = rows;
     data.push_back(site.observation().force_n);
-    offsets.push_back(site.start_n);
   }
   data_ = stacked(data);
-  baseline_offset_ = stacked(offsets);
+  baseline_offset_ = baselineAsStated();
   baseline_columns_ = Eigen::MatrixXd::Zero(rows, unknowns());
   for (const Site& site : sites_) {
     baseline_columns_.block(site.first_row, 0, site.rows(), kIceUnknowns) = site.slopes.leftCols(kIceUnknowns);

@@ -75,8 +75,10 @@ Identification Chain::run() {
   std::stable_sort(models.begin(), models.end(), [](const Model& a, const Model& b) {
     return a.simulated != b.simulated ? a.simulated : score(a) > score(b);
   });
-  startAsStated(models, baseline);
-  startAgain(baseline, models);
+  if (!models.empty() && models.front().simulated && !isHopeless(models.front(), baseline)) {
+    startAsStated(models.front(), baseline);
+    startAgain(baseline, models.front());
+  }
   addSecondEffect(models, baseline);
 
   const Detectability detectability(linearModel(baseline), errors_, baseline.fit.kappa);
@@ -97,24 +99,20 @@ Identification Chain::run() {
 
 /// Where much is missing, the refitted ice is bent to make up for it, and two passes from there need not lead back: the
 /// best explanation is simulated where the ice as stated leads, too.
-void Chain::startAsStated(std::vector<Model>& models, const Model& baseline) {
-  if (models.empty() || !models.front().simulated || isHopeless(models.front(), baseline)) return;
+void Chain::startAsStated(Model& best, const Model& baseline) {
   if (chi2PerBin(baseline) <= thresholds_.chi2_per_bin) return;
-  Model again = models.front();
-  std::vector<Eigen::VectorXd> as_stated;
-  for (const Site& site : sites_) as_stated.push_back(site.start_n);
-  again.offset = stacked(as_stated);
+  Model again = best;
+  again.offset = baselineAsStated();
   refit(again);
   confirm({&again}, "the best explanation from the ice as stated");
-  if (!again.frozen && again.fit.log_evidence > models.front().fit.log_evidence) models.front() = again;
+  if (!again.frozen && again.fit.log_evidence > best.fit.log_evidence) best = again;
 }
 
-/// Lets the baseline start once more from the ice of the first explanation, the best: what that owes to a better fit of
+/// Lets the baseline start once more from the ice of the best explanation: what that owes to a better fit of
 /// the ice must not count for its effect.
-void Chain::startAgain(Model& baseline, const std::vector<Model>& models) {
-  if (models.empty() || !models.front().simulated || isHopeless(models.front(), baseline)) return;
+void Chain::startAgain(Model& baseline, const Model& best) {
   Model again = baseline;
-  again.fit.x = models.front().fit.x.head(unknowns());
+  again.fit.x = best.fit.x.head(unknowns());
   // All passes before it may count: after the first one it is simulated at the ice of another model.
   for (int pass = 0; pass < kPasses; ++pass) confirm({&again}, "baseline from the ice of the best explanation");
   if (!again.frozen && again.fit.log_evidence > baseline.fit.log_evidence) baseline = again;

@@ -171,6 +171,7 @@ class Chain {
   std::string requestBaseline(const Site& site, int seed, Eigen::Index unknown = -1, double step = 0.0);
   void simulateBaseline();
   void readBaseline(Site& site);
+  Eigen::VectorXd baselineAsStated() const;
   void stackRecords();
   Eigen::MatrixXd discrepancyOf(const Site& site, const Eigen::VectorXd& curve_n) const;
   void setErrors(const Eigen::VectorXd& curve_n, const Eigen::VectorXd& x);
@@ -211,8 +212,8 @@ class Chain {
   Explanation explain(const Model& model, const Model& baseline, const Detectability& detectability) const;
   std::vector<Model> screenEffects(const Model& baseline);
   std::vector<Model> bestShapes(const std::map<const Variant*, Model>& screened, const Model& baseline) const;
-  void startAsStated(std::vector<Model>& models, const Model& baseline);
-  void startAgain(Model& baseline, const std::vector<Model>& models);
+  void startAsStated(Model& best, const Model& baseline);
+  void startAgain(Model& baseline, const Model& best);
   void addSecondEffect(std::vector<Model>& models, const Model& baseline);
   ErrorModel heldOutErrors(std::vector<Site>& sites, const Eigen::VectorXd& without_n) const;
   void evaluateHoldout(const Model& baseline, const std::vector<Model>& models, Identification& result);

@@ -116,7 +116,7 @@ std::vector<double> findTurns(const HoistPath& path);
 /// Covariance of what an effect's law may be off, N²: nature's drainage is not the library's, and what happens at a
 /// moment comes earlier or later there.
 /// @param change_n        what the effect does to the force
-/// @param timing_sigma_s  see EffectDescription; >= 0
+/// @param timing_sigma_s  see EffectDescription; >= 0. Without references it does not count
 Eigen::MatrixXd computeFormCovariance(const Discrepancy& discrepancy, const Observation& observation,
                                       const Eigen::VectorXd& change_n, double timing_sigma_s);
 

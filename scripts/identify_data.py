@@ -127,7 +127,7 @@ RANKED = entries(
     effects=list_of(text), name=text, log_bayes_factor=number, threshold=number, explained_ratio=number,
     chi2_per_bin=number, portmanteau_p=number, detectability=number, confirmed=boolean, rmse_n=number,
     error_ratio=number, holdout_rmse_n=number, holdout_ratio=number, holdout_log_ratio=number,
-    holdout_way_log_ratio=number, note=text,
+    holdout_way_log_ratio=number, evidence_of_both=number, note=text,
     parameters=list_of(entries(key=text, unit=text, value=number, low=number, high=number, prior_low=number,
                                prior_high=number)),
     baseline_change=list_of(entries(**{"key": text, "unit": text, "from": number, "to": number})))

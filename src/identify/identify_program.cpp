@@ -110,6 +110,7 @@ Json rankingJson(const Identification& id) {
                        {"holdout_ratio", e.holdout_ratio},
                        {"holdout_log_ratio", e.holdout_log_ratio},
                        {"holdout_way_log_ratio", e.holdout_way_log_ratio},
+                       {"evidence_of_both", e.evidence_of_both},
                        {"parameters", parameters},
                        {"baseline_change", changes},
                        {"note", e.note}});

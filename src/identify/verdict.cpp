@@ -63,11 +63,10 @@ bool areOfOneClass(const std::string& a, const std::string& b, const std::vector
          });
 }
 
-/// ln of the Bayes factor that the fitted and the held-out record give together: the first says how large the effect
-/// is, the second how probable it makes a lift that it was not fitted to. Of the first alone where that was not
-/// predicted.
-double evidenceOfBoth(const Explanation& e) {
-  return e.log_bayes_factor + (std::isfinite(e.holdout_log_ratio) ? e.holdout_log_ratio : 0.0);
+/// Explanation::evidence_of_both.
+double evidenceOfBoth(const Explanation& e, const Thresholds& thresholds) {
+  const double of_held_out = std::isfinite(e.holdout_log_ratio) ? e.holdout_log_ratio : 0.0;
+  return e.log_bayes_factor + of_held_out - std::max(e.threshold - thresholds.log_bayes_factor, 0.0);
 }
 
 /// Whether evidence is not clearly less than the most there is.
@@ -78,7 +77,7 @@ bool isAsMuch(double evidence, double most, const Thresholds& thresholds) {
 /// Whether this effect cannot be told from the other one, of which there is evidence.
 bool isRival(const Explanation& e, const Explanation& other, const std::vector<ConfusableSet>& confusable,
              const Thresholds& thresholds) {
-  const double evidence = evidenceOfBoth(e), most = evidenceOfBoth(other);
+  const double evidence = e.evidence_of_both, most = other.evidence_of_both;
   return isAsMuch(evidence, most, thresholds) ||
          (stands(e, thresholds) && evidence > 0.5 * most && areOfOneClass(e.effects[0], other.effects[0], confusable));
 }
@@ -118,6 +117,7 @@ bool isSignificant(double chi2_per_bin, double portmanteau_p, const Thresholds& 
 void decide(Identification& result, const RecordReport& report, const Thresholds& thresholds) {
   const bool excess = result.chi2_per_bin > thresholds.chi2_per_bin;
   result.significant = isSignificant(result.chi2_per_bin, result.portmanteau_p, thresholds);
+  for (Explanation& e : result.ranking) e.evidence_of_both = evidenceOfBoth(e, thresholds);
 
   bool partial = false;
   for (const Finding& finding : report.findings) {
@@ -147,7 +147,7 @@ void decide(Identification& result, const RecordReport& report, const Thresholds
   if (!accepted.empty()) {
     const Explanation* best = *std::max_element(
         accepted.begin(), accepted.end(),
-        [](const Explanation* a, const Explanation* b) { return evidenceOfBoth(*a) < evidenceOfBoth(*b); });
+        [](const Explanation* a, const Explanation* b) { return a->evidence_of_both < b->evidence_of_both; });
     std::vector<const Explanation*> contenders{best};
     if (best->effects.size() == 1) {
       for (const Explanation& e : result.ranking) {

@@ -182,6 +182,22 @@ TEST(Verdict, TheEvidenceOfBothRecordsDecides) {
             (Names{"thickness_field", "vessel_heave"}));
 }
 
+TEST(Verdict, AnEffectWithAThresholdOfItsOwnCountsByWhatItHasBeyondOthers) {
+  Explanation bonds = found({"freeze_bonds"}, 40.0, 800.0);
+  bonds.threshold = 25.0;
+  Explanation drainage = found({"drainage"}, 30.0, 800.0);
+  // 40 + 20 - 19 against 30 + 20.
+  const Identification larger = decided(ranked({bonds, drainage}));
+  EXPECT_EQ(larger.accepted, 1u);
+  EXPECT_DOUBLE_EQ(larger.ranking[0].evidence_of_both, 41.0);
+  EXPECT_DOUBLE_EQ(larger.ranking[1].evidence_of_both, 50.0);
+  // What lifts have that lack nothing makes no tie: 20 + 20 - 19.
+  bonds.log_bayes_factor = 20.0;
+  EXPECT_EQ(decided(ranked({drainage, bonds})).verdict, Verdict::kEffect);
+  bonds.threshold = 6.0;
+  EXPECT_EQ(decided(ranked({drainage, bonds})).verdict, Verdict::kTie);
+}
+
 TEST(Verdict, WavesThatKeepTheirLengthAlongTheWayAreUnknown) {
   Explanation swell = found({"vessel_heave"}, 36.0, 890.0);  // 11 of the held-out record
   swell.holdout_way_log_ratio = 16.9;

@@ -169,18 +169,22 @@ class Verdicts(TemporaryReport):
                       "the record that the fit has not seen is less probable with it than without (log odds −3.1).", box)
         self.assertNotIn(f"Next comes {title}", box)
         self.assertIn("Next comes", box)
-        stronger.update(holdout_log_ratio=1.0, detectability=4.2, explained_ratio=0.3, confirmed=True)
+        stronger.update(holdout_log_ratio=1.0, evidence_of_both=100.0, detectability=4.2, explained_ratio=0.3,
+                        confirmed=True)
         self.assertIn("but it is not named: d′ is 4.2, it explains 30 % of what is left unexplained.", self.box(report))
-        stronger["holdout_log_ratio"] = -0.5
-        together = report["ranking"][0]["log_bayes_factor"] + report["ranking"][0]["holdout_log_ratio"]
+        stronger.update(threshold=6.0, holdout_log_ratio=-0.5, evidence_of_both=98.5)
+        together = report["ranking"][0]["evidence_of_both"]
         self.assertIn("but it is not named: of both records together there is less for it "
                       f"(log Bayes factor 98.5 against {together:.1f}).", self.box(report))
+        stronger.update(threshold=25.0, evidence_of_both=79.5)
+        self.assertIn("but it is not named: of both records together, less what lifts without an effect have of it, there "
+                      f"is less for it (log Bayes factor 79.5 against {together:.1f}).", self.box(report))
         stronger["holdout_way_log_ratio"] = 5.6
         self.assertIn("but it is not named: the unseen record, at another speed, is more probable if its waves keep their "
                       "length along the hoist's way (log odds 5.6, against −0.5 if they keep their period)",
                       self.box(report))
-        stronger["holdout_way_log_ratio"] = None
-        stronger["holdout_log_ratio"] = None
+        stronger.update(holdout_way_log_ratio=None, holdout_log_ratio=None, threshold=6.0, evidence_of_both=99.0)
+        report["ranking"][0]["evidence_of_both"] = 87.4
         self.assertIn("but it is not named: d′ is 4.2, it explains 30 % of what is left unexplained.", self.box(report))
         stronger["error_ratio"] = 5.8
         self.assertIn("but it is not named: with it the curve is 5.8 times as far from this record as without",

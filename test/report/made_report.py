@@ -66,6 +66,7 @@ def ranked(effects, evidence, threshold, explained, detectability, confirmed, rm
             "explained_ratio": explained, "chi2_per_bin": 1.05, "portmanteau_p": 0.3, "detectability": detectability,
             "confirmed": confirmed, "rmse_n": rmse_n, "error_ratio": 0.5, "holdout_rmse_n": holdout_n,
             "holdout_ratio": 0.4, "holdout_log_ratio": 12.0, "holdout_way_log_ratio": None,
+            "evidence_of_both": evidence + 12.0,
             "parameters": [{"key": f"effects.{name}.amount_1", "unit": "1", "value": 0.27, "low": 0.21, "high": 0.33,
                             "prior_low": 0.0, "prior_high": 0.6} for name in effects],
             "baseline_change": [{"key": "ice.void_fraction", "unit": "1", "from": 0.58, "to": 0.601}], "note": ""}

@@ -58,6 +58,11 @@ struct Explanation {
   /// The same if its swell kept its length along the hoist's way instead of its period, as what turns with a drum does.
   /// NaN without swell, or where both records go at the same speed.
   double holdout_way_log_ratio = 0.0;
+  /// By which explanations are compared: ln of the Bayes factor that the fitted and the held-out record give together.
+  /// The first says how large the effect is, the second how probable it makes a lift that it was not fitted to; of the
+  /// first alone where that was not predicted. Less what its threshold exceeds the common one: so much of it lifts have
+  /// that lack nothing.
+  double evidence_of_both = 0.0;
   std::vector<ParameterEstimate> parameters;
   std::vector<double> baseline;  ///< fitted, in the order of Identification::baseline
   std::string note;

@@ -1,8 +1,11 @@
 #include "brash_ice_rig/effects/effect_registry.h"
 
+#include <set>
 #include <stdexcept>
+#include <string>
 #include <utility>
 
+#include "brash_ice_rig/config/number_check.h"
 #include "brash_ice_rig/effects/effect.h"
 
 namespace brash_ice_rig {
@@ -39,6 +42,26 @@ std::deque<EffectDescription>& registry() {
   static std::deque<EffectDescription> effects = {BRASH_ICE_FOR_EACH_EFFECT(BRASH_ICE_LIST)};
 #undef BRASH_ICE_LIST
   return effects;
+}
+
+/// An effect that may be half a lift off says nothing of when.
+constexpr double kMaxTimingSigma = 10.0;
+
+/// Whether a prior is one, and has its weight within the range: a centre, or two deviations where 0 is the centre.
+bool isProper(const Prior& prior, const Range& range) {
+  switch (prior.kind) {
+    case PriorKind::kNone:
+      return true;
+    case PriorKind::kUniform:
+      return range.contains(prior.a) && range.contains(prior.b) && prior.a < prior.b;
+    case PriorKind::kNormal:
+      return range.contains(prior.a) && prior.b > 0.0;
+    case PriorKind::kLogNormal:
+      return range.contains(prior.a) && prior.a > 0.0 && prior.b > 0.0;
+    case PriorKind::kHalfNormal:
+      return prior.a == 0.0 && prior.b > 0.0 && range.contains(2.0 * prior.b);
+  }
+  return false;
 }
 
 }  // namespace
@@ -116,22 +139,42 @@ const EffectDescription* findEffect(const std::string& name) {
   return nullptr;
 }
 
-void registerEffect(EffectDescription description) {
+void checkDescription(const EffectDescription& description) {
   const std::string name = description.name;
+  const auto require = [&](bool kept, const std::string& rule) {
+    if (!kept) throw std::invalid_argument("effect " + name + ": " + rule);
+  };
   if (name.empty() || name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") != std::string::npos) {
     throw std::invalid_argument("effect name `" + name + "` must be made of a-z, 0-9 and _");
   }
-  for (const EffectDescription& other : registry()) {
-    if (name == other.name) throw std::invalid_argument("there is an effect " + name + " already");
-  }
-  if (!description.make) throw std::invalid_argument("effect " + name + " has no `make`");
+  require(static_cast<bool>(description.make), "it has no `make`");
+  require(Range{0.0, kMaxTimingSigma}.contains(description.timing_sigma_s),
+          "timing_sigma_s must lie in [0, " + formatNumber(kMaxTimingSigma) + "], is " +
+              formatNumber(description.timing_sigma_s));
+  std::set<std::string> names;
   int tried = 0;
   for (const EffectParameter& p : description.parameters) {
+    const std::string key = p.name;
+    require(names.insert(key).second, key + " is there twice");
+    require(p.range.contains(p.default_value),
+            "default of " + key + " must lie in " + formatRange(p.range) + ", is " + formatNumber(p.default_value));
+    require(p.role != ParameterRole::kAmplitude || p.range.contains(0.0),
+            key + " is an amplitude, its range must hold 0, which is off");
+    require((p.prior.kind == PriorKind::kNone) == (p.role == ParameterRole::kSetting),
+            key + (p.role == ParameterRole::kSetting ? " is a setting, it has no prior" : " needs a prior"));
+    require(isProper(p.prior, p.range), "prior of " + key + ", " + priorName(p.prior.kind) + "(" +
+                                            formatNumber(p.prior.a) + ", " + formatNumber(p.prior.b) +
+                                            "), does not fit its range " + formatRange(p.range));
     if (!p.tried) continue;
-    if (p.prior.kind != PriorKind::kLogNormal) {
-      throw std::invalid_argument("effect " + name + ": " + p.name + " is tried, its prior must be log-normal");
-    }
-    if (++tried > 1) throw std::invalid_argument("effect " + name + ": " + p.name + " is the second shape to be tried");
+    require(p.prior.kind == PriorKind::kLogNormal, key + " is tried, its prior must be log-normal");
+    require(++tried == 1, key + " is the second shape to be tried");
+  }
+}
+
+void registerEffect(EffectDescription description) {
+  checkDescription(description);
+  if (findEffect(description.name) != nullptr) {
+    throw std::invalid_argument(std::string("there is an effect ") + description.name + " already");
   }
   registry().push_back(std::move(description));
 }

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <fstream>
+#include <limits>
 #include <stdexcept>
 #include <string>
 
@@ -106,28 +107,67 @@ TEST(OwnEffect, NeedsANameOfItsOwnAndAWayToMakeIt) {
   EXPECT_THROW(registerEffect(lifeless), std::invalid_argument);
 }
 
+/// What registerEffect() says to the diver's line after a change; what it refuses is not in the registry.
+template <class Change>
+std::string refusalOf(Change change) {
+  EffectDescription d = describeDiversLine();
+  d.name = "changed_line";
+  change(d);
+  try {
+    registerEffect(d);
+  } catch (const std::invalid_argument& error) {
+    EXPECT_STREQ(effectRegistry().back().name, "divers_line");
+    return error.what();
+  }
+  return "";
+}
+
+std::string refusalOf(const EffectParameter& added) {
+  return refusalOf([&](EffectDescription& d) { d.parameters.push_back(added); });
+}
+
 TEST(OwnEffect, HasOneShapeToBeTriedAndALogNormalPriorOfIt) {
-  const auto refusal = [](const EffectParameter& first, const EffectParameter& second) -> std::string {
-    EffectDescription d = describeDiversLine();
-    d.name = "tried_line";
-    d.parameters.push_back(first);
-    d.parameters.push_back(second);
-    try {
-      registerEffect(d);
-    } catch (const std::invalid_argument& error) {
-      return error.what();
-    }
-    return "";
-  };
   const Prior about_one{PriorKind::kLogNormal, 1.0, 0.5}, anywhere{PriorKind::kUniform, 0.0, 2.0};
   const auto tried = [](const char* name, const Prior& prior) {
-    return triedShape(name, "s", 1.0, {0.1, 10.0}, prior, "a time");
+    return triedShape(name, "s", 1.0, {0.0, 10.0}, prior, "a time");
   };
-  EXPECT_EQ(refusal(tried("one_s", anywhere), shape("two_s", "s", 1.0, {0.1, 10.0}, about_one, "a time")),
-            "effect tried_line: one_s is tried, its prior must be log-normal");
-  EXPECT_EQ(refusal(tried("one_s", about_one), tried("two_s", about_one)),
-            "effect tried_line: two_s is the second shape to be tried");
-  EXPECT_EQ(std::string(effectRegistry().back().name), "divers_line") << "what is refused is not in the registry";
+  EXPECT_EQ(refusalOf(tried("one_s", anywhere)), "effect changed_line: one_s is tried, its prior must be log-normal");
+  EXPECT_EQ(refusalOf([&](EffectDescription& d) {
+              d.parameters.insert(d.parameters.end(), {tried("one_s", about_one), tried("two_s", about_one)});
+            }),
+            "effect changed_line: two_s is the second shape to be tried");
+}
+
+TEST(OwnEffect, NeedsParametersWhoseDefaultAndPriorLieInTheirRange) {
+  const Range range{0.0, 10.0};
+  const auto with = [&](PriorKind kind, double a, double b) {
+    return refusalOf(shape("one_s", "s", 1.0, range, {kind, a, b}, "a time"));
+  };
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(with(PriorKind::kUniform, 2.0, 1.0),
+            "effect changed_line: prior of one_s, uniform(2, 1), does not fit its range [0, 10]");
+  for (const std::string& refusal :
+       {with(PriorKind::kUniform, 0.0, 11.0), with(PriorKind::kUniform, -1.0, 1.0), with(PriorKind::kNormal, 11.0, 1.0),
+        with(PriorKind::kNormal, 1.0, 0.0), with(PriorKind::kNormal, nan, 1.0), with(PriorKind::kNormal, 1.0, nan),
+        with(PriorKind::kLogNormal, 0.0, 1.0), with(PriorKind::kLogNormal, 11.0, 1.0),
+        with(PriorKind::kLogNormal, 1.0, 0.0), with(PriorKind::kHalfNormal, 1.0, 1.0),
+        with(PriorKind::kHalfNormal, 0.0, 5.1), with(PriorKind::kHalfNormal, 0.0, 0.0)}) {
+    EXPECT_NE(refusal.find("does not fit its range [0, 10]"), std::string::npos) << refusal;
+  }
+  EXPECT_EQ(refusalOf(setting("one_s", "s", 11.0, range, "a time")),
+            "effect changed_line: default of one_s must lie in [0, 10], is 11");
+  EXPECT_EQ(refusalOf(shape("one_s", "s", 1.0, range, {}, "a time")), "effect changed_line: one_s needs a prior");
+  EXPECT_EQ(refusalOf(amplitude("one_s", "s", 1.0, {0.1, 10.0}, {PriorKind::kNormal, 1.0, 1.0}, false, "a time")),
+            "effect changed_line: one_s is an amplitude, its range must hold 0, which is off");
+  EXPECT_EQ(refusalOf([](EffectDescription& d) { d.parameters.push_back(d.parameters.front()); }),
+            "effect changed_line: " + std::string(describeDiversLine().parameters.front().name) + " is there twice");
+}
+
+TEST(OwnEffect, MayBeNoMoreThanTenSecondsOffInTime) {
+  for (const double sigma_s : {-0.1, 10.1, std::numeric_limits<double>::quiet_NaN()}) {
+    const std::string refusal = refusalOf([&](EffectDescription& d) { d.timing_sigma_s = sigma_s; });
+    EXPECT_EQ(refusal.rfind("effect changed_line: timing_sigma_s must lie in [0, 10], is ", 0), 0u) << refusal;
+  }
 }
 
 }  // namespace

@@ -80,7 +80,8 @@ struct EffectDescription {
   bool reading_only = false;
   /// It acts on the rig alone: what it does to the load cell is the same in any ice.
   bool spares_ice = false;
-  /// Of what happens at a moment: how far its law may have that wrong, standard deviation, s. 0 of what goes on.
+  /// Of what happens at a moment: how far its law may have that wrong, standard deviation, s. 0 of what goes on;
+  /// [0, 10].
   double timing_sigma_s = 0.0;
   /// Lateral channels of a load cell show it. Of others a change of lateral force counts as scatter.
   bool acts_sideways = false;
@@ -103,10 +104,15 @@ const std::deque<EffectDescription>& effectRegistry();
 /// The effect of that name, or null.
 const EffectDescription* findEffect(const std::string& name);
 
+/// @throws std::invalid_argument that names effect, parameter and rule, if a name is not made of a-z, 0-9 and _; `make`
+/// is
+///   missing; timing_sigma_s is not in [0, 10]; a parameter is there twice, or its default, its prior or 0 of an
+///   amplitude is not in its range, or it is tried though triedShape() does not allow it
+void checkDescription(const EffectDescription& description);
+
 /// Adds an effect of the user's own. Its keys belong to each Scenario made from then on.
 /// Call before any scenario is made and before there are several threads.
-/// @throws std::invalid_argument if the name is taken or not made of a-z, 0-9 and _, if `make` is missing, or if shapes
-///   are tried that triedShape() does not allow
+/// @throws std::invalid_argument as checkDescription() does, or if the name is taken
 void registerEffect(EffectDescription description);
 
 /// The keys effects.NAME.* of one effect.

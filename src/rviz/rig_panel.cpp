@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include <geometry_msgs/TwistStamped.h>
-#include <std_msgs/Float64.h>
 #include <std_srvs/Trigger.h>
 #include <QDoubleSpinBox>
 #include <QGridLayout>
@@ -291,8 +289,7 @@ void RigPanel::connectToRig() {
   drive_.releaseAll();
   sendVelocity();  // to the rig that we leave
   subscribers_ = {};
-  velocity_publisher_.shutdown();
-  fold_publisher_.shutdown();
+  commands_ = CommandPublisher();
   history_ = ForceHistory(kHistoryS);
   status_.reset();
   crane_.reset();
@@ -317,8 +314,7 @@ void RigPanel::connectToRig() {
   subscribers_[2] = node_.subscribe<CraneState>(
       topics::kCraneState, 10,
       boost::function<void(const CraneState::ConstPtr&)>([this](const auto& crane) { onCrane(*crane); }));
-  velocity_publisher_ = node_.advertise<geometry_msgs::TwistStamped>(topics::kCraneCommand, 1);
-  fold_publisher_ = node_.advertise<std_msgs::Float64>(topics::kFoldCommand, 1);
+  commands_ = CommandPublisher(node_);
   say("", false);
 }
 
@@ -346,14 +342,7 @@ void RigPanel::onCrane(const CraneState& crane) {
 }
 
 void RigPanel::sendVelocity() {
-  const auto velocity_mps = drive_.next();
-  if (!velocity_mps || !velocity_publisher_) return;
-  geometry_msgs::TwistStamped command;
-  command.header.stamp = ros::Time::now();
-  command.twist.linear.x = (*velocity_mps)[0];
-  command.twist.linear.y = (*velocity_mps)[1];
-  command.twist.linear.z = (*velocity_mps)[2];
-  velocity_publisher_.publish(command);
+  if (const auto mps = drive_.next()) commands_.send({Eigen::Vector3d(mps->data()), std::nullopt});
 }
 
 void RigPanel::repeatVelocity() {
@@ -380,10 +369,8 @@ void RigPanel::showThatGuiRuns() {
 }
 
 void RigPanel::sendFold(double ratio) {
-  if (!fold_publisher_) return;
-  std_msgs::Float64 target;
-  target.data = ratio;
-  fold_publisher_.publish(target);
+  const std::lock_guard<std::mutex> lock(drive_mutex_);
+  commands_.send({std::nullopt, ratio});
 }
 
 void RigPanel::trigger(const char* service) {

@@ -14,10 +14,8 @@
 #include <thread>
 #include <vector>
 
-#include <geometry_msgs/TwistStamped.h>
 #include <geometry_msgs/WrenchStamped.h>
 #include <ros/ros.h>
-#include <std_msgs/Float64.h>
 #include <std_srvs/Trigger.h>
 #include <CLI/CLI.hpp>
 
@@ -25,6 +23,7 @@
 #include "brash_ice_rig/SimStatus.h"
 #include "brash_ice_rig/node/service_call.h"
 #include "brash_ice_rig/node/topic_names.h"
+#include "brash_ice_rig/teleop/command_publisher.h"
 #include "brash_ice_rig/teleop/key_teleop.h"
 #include "brash_ice_rig/teleop/terminal.h"
 
@@ -66,9 +65,7 @@ std::vector<std::string> wrap(const std::string& text, std::size_t width) {
 
 class KeyTeleopProgram {
  public:
-  KeyTeleopProgram(const std::string& rig, double speed_mps) : node_(rig), teleop_(speed_mps) {
-    velocity_publisher_ = node_.advertise<geometry_msgs::TwistStamped>(topics::kCraneCommand, 1);
-    fold_publisher_ = node_.advertise<std_msgs::Float64>(topics::kFoldCommand, 1);
+  KeyTeleopProgram(const std::string& rig, double speed_mps) : node_(rig), commands_(node_), teleop_(speed_mps) {
     wrench_subscriber_ = node_.subscribe<geometry_msgs::WrenchStamped>(
         topics::kWrench, 1, [this](const geometry_msgs::WrenchStamped::ConstPtr& m) { force_n_ = m->wrench.force.z; });
     crane_subscriber_ =
@@ -91,7 +88,7 @@ class KeyTeleopProgram {
       ros::spinOnce();
       const double now_s = nowSeconds();
       if (now_s >= next_send_s) {
-        send(teleop_.update(now_s));
+        commands_.send(teleop_.update(now_s));
         next_send_s = now_s + kSendPeriodS;
       }
       if (now_s >= next_show_s) {
@@ -99,7 +96,7 @@ class KeyTeleopProgram {
         next_show_s = now_s + kShowPeriodS;
       }
     }
-    if (teleop_.moving()) send(teleop_.press(Key::kQuit, nowSeconds(), {}));
+    if (teleop_.moving()) commands_.send(teleop_.press(Key::kQuit, nowSeconds(), {}));
     // Publishing only queues: give the zero the time to leave.
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
   }
@@ -109,23 +106,7 @@ class KeyTeleopProgram {
     const bool known = crane_.has_value();
     if (key == Key::kTare) tare();
     if (key == Key::kQuit) quit_ = true;
-    send(teleop_.press(key, nowSeconds(), known ? std::optional<double>(crane_->fold_ratio) : std::nullopt));
-  }
-
-  void send(const TeleopCommand& command) {
-    if (command.velocity_mps) {
-      geometry_msgs::TwistStamped message;
-      message.header.stamp = ros::Time::now();
-      message.twist.linear.x = command.velocity_mps->x();
-      message.twist.linear.y = command.velocity_mps->y();
-      message.twist.linear.z = command.velocity_mps->z();
-      velocity_publisher_.publish(message);
-    }
-    if (command.fold_target) {
-      std_msgs::Float64 message;
-      message.data = *command.fold_target;
-      fold_publisher_.publish(message);
-    }
+    commands_.send(teleop_.press(key, nowSeconds(), known ? std::optional<double>(crane_->fold_ratio) : std::nullopt));
   }
 
   void tare() {
@@ -178,6 +159,7 @@ class KeyTeleopProgram {
   };
 
   ros::NodeHandle node_;
+  CommandPublisher commands_;
   KeyTeleop teleop_;
   KeyReader reader_;
   bool quit_ = false;
@@ -187,7 +169,6 @@ class KeyTeleopProgram {
   std::optional<SimStatus> status_;
   double heard_s_ = 0.0;
   std::map<std::string, RaisedFlag> flags_;
-  ros::Publisher velocity_publisher_, fold_publisher_;
   ros::Subscriber wrench_subscriber_, crane_subscriber_, status_subscriber_;
 };
 

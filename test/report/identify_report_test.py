@@ -1,7 +1,6 @@
 #!/usr/bin/python3
 """Tests of scripts/identify_report on reports made here."""
 
-import html.parser
 import importlib.machinery
 import importlib.util
 import json
@@ -24,42 +23,11 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import identify_data  # noqa: E402
 import identify_figures  # noqa: E402
 from made_report import TIES, made_report, write_made_report  # noqa: E402
+from page_reader import PageReader  # noqa: E402
 
 loader = importlib.machinery.SourceFileLoader("identify_report", SCRIPT)
 identify_report = importlib.util.module_from_spec(importlib.util.spec_from_loader("identify_report", loader))
 loader.exec_module(identify_report)
-
-
-class PageReader(html.parser.HTMLParser):
-    """Collects tags, ids, attributes and text, and notes each element that is not closed where it should be."""
-
-    VOID = {"meta", "link", "br", "wbr"}
-
-    def __init__(self, text):
-        super().__init__()
-        self.open, self.faults, self.tags, self.ids, self.attributes, self.text = [], [], [], [], [], ""
-        self.feed(text)
-        self.close()
-
-    def handle_starttag(self, tag, attrs):
-        self.handle_startendtag(tag, attrs)
-        if tag not in self.VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag, attrs):
-        self.tags.append(tag)
-        self.attributes += attrs
-        self.ids += [value for name, value in attrs if name == "id"]
-
-    def handle_endtag(self, tag):
-        if self.open and self.open[-1] == tag:
-            self.open.pop()
-        else:
-            self.faults.append(f"</{tag}> at {self.getpos()} in {self.open[-3:]}")
-
-    def handle_data(self, data):
-        if not self.open or self.open[-1] != "style":
-            self.text += data
 
 
 class TemporaryReport(unittest.TestCase):

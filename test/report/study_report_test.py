@@ -3,7 +3,6 @@
 
 import base64
 import csv
-import html.parser
 import importlib.machinery
 import importlib.util
 import math
@@ -23,10 +22,12 @@ SOURCE_DIR = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__f
 SCRIPT = os.path.join(SOURCE_DIR, "scripts", "study_report")
 sys.dont_write_bytecode = True
 sys.path.insert(0, os.path.dirname(SCRIPT))
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
 import paper_findings  # noqa: E402
 import study_data  # noqa: E402
 import study_figures  # noqa: E402
+from page_reader import PageReader  # noqa: E402
 
 loader = importlib.machinery.SourceFileLoader("study_report", SCRIPT)
 study_report = importlib.util.module_from_spec(importlib.util.spec_from_loader("study_report", loader))
@@ -229,38 +230,6 @@ def write_study(directory, model=None, cases=None, seeds=(1, 2), failed=None, en
         yaml.safe_dump(content, stream)
 
 
-class PageReader(html.parser.HTMLParser):
-    """Collects tags, ids and the text of a page, and notes each element that is not closed where it should be."""
-
-    VOID = {"meta", "link", "img", "br", "wbr", "hr"}
-
-    def __init__(self, text):
-        super().__init__()
-        self.open, self.faults, self.tags, self.ids, self.attributes, self.text = [], [], [], [], [], []
-        self.feed(text)
-        self.close()
-
-    def handle_starttag(self, tag, attrs):
-        self.handle_startendtag(tag, attrs)
-        if tag not in self.VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag, attrs):
-        self.tags.append(tag)
-        self.attributes += attrs
-        self.ids += [value for name, value in attrs if name == "id"]
-
-    def handle_endtag(self, tag):
-        if self.open and self.open[-1] == tag:
-            self.open.pop()
-        else:
-            self.faults.append(f"</{tag}> at {self.getpos()} in {self.open[-3:]}")
-
-    def handle_data(self, data):
-        if not self.open or self.open[-1] != "style":
-            self.text.append(data)
-
-
 class TemporaryStudy(unittest.TestCase):
     def setUp(self):
         self.directory = tempfile.mkdtemp()
@@ -335,7 +304,7 @@ class ReportPage(unittest.TestCase):
         self.assertIn("1 of 2", self.page_text)
 
     def test_says_what_was_run(self):
-        text = "".join(self.page.text)
+        text = self.page.text
         for part in ("../scenarios/pull_up.yaml", "20: 10 cases, seeds 1, 2; 1 failed", "brash_ice_rig 1.2.3",
                      "ice.cohesion_pa", "ice.void_fraction"):
             self.assertIn(part, text)

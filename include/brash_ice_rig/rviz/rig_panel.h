@@ -18,6 +18,7 @@
 #include "brash_ice_rig/rviz/force_history.h"
 #include "brash_ice_rig/rviz/hand_drive.h"
 #include "brash_ice_rig/rviz/service_caller.h"
+#include "brash_ice_rig/teleop/command_publisher.h"
 
 class QDoubleSpinBox;
 class QGroupBox;
@@ -88,7 +89,6 @@ class RigPanel : public rviz::Panel {
 
   ros::NodeHandle node_;
   std::array<ros::Subscriber, 3> subscribers_;
-  ros::Publisher fold_publisher_;
   ServiceCaller caller_;
 
   ForceHistory history_;
@@ -100,7 +100,7 @@ class RigPanel : public rviz::Panel {
 
   std::mutex drive_mutex_;  ///< of what follows up to the blank line
   HandDrive drive_;
-  ros::Publisher velocity_publisher_;
+  CommandPublisher commands_;
   WallClock::time_point gui_seen_ = WallClock::now();
   bool ending_ = false;
 

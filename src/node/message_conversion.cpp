@@ -37,15 +37,15 @@ geometry_msgs::Vector3 toVector(const Eigen::Vector3d& vector) {
   return message;
 }
 
-geometry_msgs::Point makePoint(double x, double y, double z) {
+}  // namespace
+
+geometry_msgs::Point toPoint(const Eigen::Vector3d& position_m) {
   geometry_msgs::Point point;
-  point.x = x;
-  point.y = y;
-  point.z = z;
+  point.x = position_m.x();
+  point.y = position_m.y();
+  point.z = position_m.z();
   return point;
 }
-
-}  // namespace
 
 std_msgs::Header Stamp::header(const char* frame) const {
   std_msgs::Header header;
@@ -102,7 +102,7 @@ CraneState toCraneState(const Stamp& stamp, const Snapshot& snapshot) {
   message.header = stamp.header(frames::kMap);
   message.stage = stageName(snapshot.stage);
   message.time_s = snapshot.time_s;
-  message.position_m = makePoint(rig.crane_position_m.x(), rig.crane_position_m.y(), rig.crane_position_m.z());
+  message.position_m = toPoint(rig.crane_position_m);
   message.velocity_mps = toVector(rig.crane_velocity_mps);
   message.commanded_velocity_mps = toVector(rig.commanded_velocity_mps);
   message.hoist_position_m = rig.hoist_position_m;

@@ -18,14 +18,6 @@ constexpr double kLineHeightM = 0.42;  // of text; readable with the view of con
 constexpr double kBarOffsetM = 0.4;    // of the bars from the pole
 constexpr double kOutlineWidthM = 0.07;
 
-geometry_msgs::Point makePoint(double x, double y, double z) {
-  geometry_msgs::Point point;
-  point.x = x;
-  point.y = y;
-  point.z = z;
-  return point;
-}
-
 std_msgs::ColorRGBA makeColor(float r, float g, float b, float a) {
   std_msgs::ColorRGBA color;
   color.r = r;
@@ -50,12 +42,9 @@ Marker makeMarker(const std_msgs::Header& header, const char* name, int type, co
 /// Eight triangles between the hub and neighbouring arm tips, in the frame of the hub.
 Marker makeNet(const std_msgs::Header& header, const CollectorConfig& collector, const RigState& rig) {
   auto net = makeMarker(header, "net", Marker::TRIANGLE_LIST, makeColor(1.0F, 0.45F, 0.1F, 0.55F));
-  const auto tip = [&](int arm) {
-    const Eigen::Vector3d offset = armTipOffset(collector, rig.arm_angle_rad, arm);
-    return makePoint(offset.x(), offset.y(), offset.z());
-  };
+  const auto tip = [&](int arm) { return toPoint(armTipOffset(collector, rig.arm_angle_rad, arm)); };
   for (int arm = 0; arm < kArmCount; ++arm) {
-    net.points.push_back(makePoint(0.0, 0.0, 0.0));
+    net.points.push_back(toPoint(Eigen::Vector3d::Zero()));
     net.points.push_back(tip(arm));
     net.points.push_back(tip(arm + 1));
   }
@@ -72,8 +61,8 @@ Marker makeForceArrow(const std_msgs::Header& header, double length_m) {
   arrow.scale.x = 0.12;
   arrow.scale.y = 0.3;
   arrow.scale.z = 0.35;
-  arrow.points.push_back(makePoint(0.0, 0.0, 0.0));
-  arrow.points.push_back(makePoint(0.0, 0.0, -length_m));
+  arrow.points.push_back(toPoint(Eigen::Vector3d::Zero()));
+  arrow.points.push_back(toPoint({0.0, 0.0, -length_m}));
   return arrow;
 }
 
@@ -140,7 +129,7 @@ void appendOutline(const std_msgs::Header& map, const std_msgs::Header& load_cel
   } else {
     line.scale.x = kOutlineWidthM;
     for (const Eigen::Vector3d& corner : outline.polygon) {
-      line.points.push_back(makePoint(corner.x(), corner.y(), corner.z() + 0.5 * kOutlineWidthM));
+      line.points.push_back(toPoint({corner.x(), corner.y(), corner.z() + 0.5 * kOutlineWidthM}));
     }
     line.points.push_back(line.points.front());
   }

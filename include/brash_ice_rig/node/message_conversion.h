@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include <geometry_msgs/Point.h>
 #include <geometry_msgs/TwistStamped.h>
 #include <geometry_msgs/WrenchStamped.h>
 #include <ros/time.h>
@@ -29,6 +30,8 @@ struct Stamp {
 
   std_msgs::Header header(const char* frame) const;
 };
+
+geometry_msgs::Point toPoint(const Eigen::Vector3d& position_m);
 
 /// Force that the crane exerts on the rig at the load cell, N, axes of the frame load_cell: z > 0 when the rig pulls
 /// down on the crane. The cell measures no torque: zero.

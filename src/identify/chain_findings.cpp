@@ -35,7 +35,7 @@ std::pair<double, double> amplitudeInterval(const Model& model) {
 
 }  // namespace
 
-Explanation Chain::explain(const Model& model, const Model& baseline, const Detectability& detectability) const {
+Explanation Chain::explain(const Model& model, const Model& baseline, const Detectability& detectability) {
   Explanation e;
   e.holdout_rmse_n = e.holdout_ratio = e.holdout_log_ratio = e.holdout_way_log_ratio = kNaN;
   for (const Variant* v : model.variants) {
@@ -55,7 +55,7 @@ Explanation Chain::explain(const Model& model, const Model& baseline, const Dete
   e.explained_ratio = excess > 0.0 ? (before - model.fit.whitened.head(rows).squaredNorm()) / excess : kNaN;
   e.portmanteau_p = computeLjungBox(whitened(model), kPortmanteauLags);
   const Eigen::VectorXd x = model.simulated ? model.x : model.fit.x;
-  e.detectability = detectability.of(model.effect_columns * x.tail(model.effect_columns.cols()));
+  e.detectability = detectability.of(changeBy(model, x));
   const auto missed = [&](const Model& m, Eigen::Index count) {
     return (data_ - (m.simulated ? m.curve_n : m.fit.mean)).head(count).squaredNorm();
   };

@@ -152,6 +152,58 @@ void Chain::confirm(const std::vector<Model*>& models, const std::string& what) 
     model->curve_n = *curve;
     model->offset = *curve - linearModel(*model).columns * model->x;
     refit(*model);
+    fitReading(*model);
+  }
+}
+
+/// What the effects of a model do to the force at x: by straight lines, but for what only the load cell does.
+Eigen::VectorXd Chain::changeBy(const Model& model, const Eigen::VectorXd& x) {
+  Eigen::VectorXd along_slopes = x.tail(model.effect_columns.cols()), unread = model.x;
+  bool reads = false;
+  Eigen::Index column = 0;
+  for (const Variant* v : model.variants) {
+    const auto count = static_cast<Eigen::Index>(v->amplitudes.size());
+    if (v->effect->reading_only && !model.frozen) {
+      unread.segment(unknowns() + column, count).setZero();
+      along_slopes.segment(column, count).setZero();
+      reads = true;
+    }
+    column += count;
+  }
+  const Eigen::VectorXd change = model.effect_columns * along_slopes;
+  return reads ? Eigen::VectorXd(change + model.curve_n - *simulated(model, unread, false)) : change;
+}
+
+/// What only the load cell does to a force needs no simulation: at those of model.x its amplitudes are fitted to the
+/// end, with slopes of where they are. A straight line about a cell without lag makes little of a long one.
+void Chain::fitReading(Model& model) {
+  constexpr int kReadings = 10;
+  constexpr double kStepShare = 0.05, kSettled = 0.1;  // of an amplitude's usual step, and of its standard deviation
+  std::vector<std::pair<Eigen::Index, double>> own;    // columns of such effects, with the step of each
+  Eigen::Index column = unknowns();
+  for (const Variant* v : model.variants) {
+    for (const Amplitude& a : v->amplitudes) {
+      if (v->effect->reading_only) own.emplace_back(column, kStepShare * a.step);
+      ++column;
+    }
+  }
+  bool settled = own.empty();
+  for (int reading = 0; reading < kReadings && !settled; ++reading) {
+    const Eigen::VectorXd fitted = clipped(model, model.fit.x);
+    for (const auto& [k, step] : own) model.x[k] = fitted[k];
+    model.curve_n = *simulated(model, model.x, false);
+    for (const auto& [k, step] : own) {
+      Eigen::VectorXd beside = model.x;
+      beside[k] += step;
+      model.effect_columns.col(k - unknowns()) = (*simulated(model, beside, false) - model.curve_n) / step;
+    }
+    model.offset = model.curve_n - linearModel(model).columns * model.x;
+    refit(model);
+    settled = std::all_of(own.begin(), own.end(), [&](const auto& one) {
+      const Eigen::Index k = one.first;
+      const double left = clipped(model, model.fit.x)[k] - model.x[k];
+      return std::abs(left) <= kSettled * std::sqrt(model.fit.covariance(k, k));
+    });
   }
 }
 

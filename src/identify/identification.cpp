@@ -121,7 +121,14 @@ void Chain::startAgain(Model& baseline, const Model& best) {
 /// Each effect in its best shape, the likeliest first. Those that will be confirmed are taken on all pairs before.
 std::vector<Model> Chain::screenEffects(const Model& baseline) {
   std::map<const Variant*, Model> screened;
-  for (const auto& v : variants_) screened.emplace(v.get(), linear(v.get()));
+  const auto screen = [&](const Variant& v) {
+    Model& model = screened[&v] = linear(&v);
+    if (!v.effect->reading_only) return;
+    model.x = Eigen::VectorXd::Zero(model.fit.x.size());
+    model.x.head(unknowns()) = baseline.x;
+    fitReading(model);
+  };
+  for (const auto& v : variants_) screen(*v);
   for (;;) {
     std::vector<Model> models = bestShapes(screened, baseline);
     std::vector<const Variant*> best;
@@ -129,7 +136,7 @@ std::vector<Model> Chain::screenEffects(const Model& baseline) {
       if (mustBeConfirmed(models, k, baseline, thresholds_)) best.push_back(models[k].variants[0]);
     }
     if (!settle(best)) return models;
-    for (const Variant* v : best) screened[v] = linear(v);
+    for (const Variant* v : best) screen(*v);
   }
 }
 

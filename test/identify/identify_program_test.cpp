@@ -143,6 +143,29 @@ bool whatCouldBeNamedWasSimulated(const nlohmann::json& report) {
   return true;
 }
 
+TEST_F(IdentifyProgram, ALongLagOfTheLoadCellIsFoundAtItsSize) {
+  // Slopes about a cell without lag make half of it.
+  constexpr double kLagS = 1.5;
+  const std::string clear = "run small.yaml --set procedure.start_gap_m=0.08 ";
+  ASSERT_EQ(program(clear + "--out quick_cell_run").exit_code, 0);
+  ASSERT_EQ(program(clear + "--set effects.load_cell_lag.enabled=true --set effects.load_cell_lag.lag_s=1.5 "
+                            "--out slow_cell_run")
+                .exit_code,
+            0);
+  record(
+      "slow_cell", 12, [](double force, double) { return force; }, "slow_cell_run", false, 0.15, 0.0, "quick_cell_run");
+  const Outcome outcome = program("identify slow_cell.csv --out slow_cell_out --cache cache --no-report");
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.text;
+  const auto lag = entryOf(report("slow_cell_out"), "load_cell_lag");
+  ASSERT_TRUE(lag.is_object()) << outcome.text;
+  EXPECT_TRUE(lag["confirmed"]) << lag;
+  EXPECT_GT(lag["log_bayes_factor"], 10.0) << lag;
+  EXPECT_GT(lag["detectability"], 8.0) << lag;
+  EXPECT_NEAR(lag["parameters"][0]["value"].get<double>(), kLagS, 0.2) << lag;
+  EXPECT_LT(lag["parameters"][0]["low"], kLagS);
+  EXPECT_GT(lag["parameters"][0]["high"], kLagS);
+}
+
 /// The small field under 6 cm of swell, and its record. @param set  more keys of the scenario
 class IdentifySwell : public IdentifyProgram {
  protected:

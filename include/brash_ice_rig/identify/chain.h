@@ -202,6 +202,7 @@ class Chain {
   const Variant* addLocated(Variant variant, double log_odds);
   void locate(const Model& start, const std::string& what);
   void confirm(const std::vector<Model*>& models, const std::string& what);
+  void fitReading(Model& model);
   Eigen::VectorXd clipped(const Model& model, Eigen::VectorXd x) const;
   std::optional<Eigen::VectorXd> simulated(const Model& model, const Eigen::VectorXd& x, bool request_only);
   /// What is left of the records, lateral channels apart, in units of what is allowed.
@@ -209,7 +210,8 @@ class Chain {
   double chi2PerBin(const Model& model) const {
     return whitened(model).squaredNorm() / static_cast<double>(record_rows_);
   }
-  Explanation explain(const Model& model, const Model& baseline, const Detectability& detectability) const;
+  Eigen::VectorXd changeBy(const Model& model, const Eigen::VectorXd& x);
+  Explanation explain(const Model& model, const Model& baseline, const Detectability& detectability);
   std::vector<Model> screenEffects(const Model& baseline);
   std::vector<Model> bestShapes(const std::map<const Variant*, Model>& screened, const Model& baseline) const;
   void startAsStated(Model& best, const Model& baseline);

@@ -27,6 +27,13 @@ double logDeterminant(const Eigen::LLT<Eigen::MatrixXd>& llt) {
   return sum;
 }
 
+/// ln erfc(x), also where erfc is too small for a double. Abramowitz and Stegun 1964, eq. 7.1.23.
+double logErfc(double x) {
+  if (x < 20.0) return std::log(std::erfc(x));
+  const double inverse = 0.5 / (x * x);
+  return -x * x - std::log(x * std::sqrt(kPi)) + std::log1p(-inverse + 3.0 * inverse * inverse);
+}
+
 /// Everything that one value of kappa gives.
 struct Solution {
   double log_evidence;
@@ -61,7 +68,7 @@ Solution solve(const Eigen::VectorXd& y, const LinearModel& m, const FactoredErr
   for (Eigen::Index k = 0; k < count; ++k) {
     if (!m.positive[static_cast<std::size_t>(k)]) continue;
     const double scaled = z[k] / std::sqrt(inverse(k, k));
-    s.log_evidence += std::log(std::max(std::erfc(-scaled / std::sqrt(2.0)), std::numeric_limits<double>::min()));
+    s.log_evidence += logErfc(-scaled / std::sqrt(2.0));
   }
   // The mode: negative ones are put to zero, one after the other, and the rest is solved again.
   for (Eigen::Index pass = 0; pass < count; ++pass) {

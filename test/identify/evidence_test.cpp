@@ -53,6 +53,22 @@ TEST(LinearFit, APositiveUnknownStaysAtZeroAndCostsEvidence) {
   EXPECT_NEAR(fit.log_evidence, -4.369523289990887 + std::log(share), 1e-6);
 }
 
+TEST(LinearFit, APositiveUnknownOfWhichTheDataWantALargeNegativeAmountExplainsNothing) {
+  // ln of the integral over x > 0 of 2 N(x; 0, 1) N(-100; x, 1), by quadrature with 40 digits. Of the probability that
+  // x is positive, exp(-2505), a double holds nothing.
+  LinearModel m;
+  m.offset = m.prior_mean = Eigen::VectorXd::Zero(1);
+  m.columns = Eigen::MatrixXd::Ones(1, 1);
+  m.prior_sigma = Eigen::VectorXd::Ones(1);
+  m.positive = {true};
+  ErrorModel e;
+  e.noise = Eigen::MatrixXd::Ones(1, 1);
+  e.discrepancy = Eigen::MatrixXd::Zero(1, 1);
+  const LinearFit fit = fitLinear(Eigen::VectorXd::Constant(1, -100.0), m, e);
+  EXPECT_NEAR(fit.log_evidence, -5005.7501, 1e-4);
+  EXPECT_EQ(fit.x[0], 0.0);
+}
+
 TEST(LinearFit, KappaGrowsWithWhatTheDiscrepancyHasToExplain) {
   LinearModel m = smallModel();
   m.columns.resize(4, 0);

@@ -95,6 +95,7 @@ inline std_srvs::Trigger::Response callTrigger(const std::string& name) {
 inline Step::Response callStep(const std::string& name, double duration_s) {
   Step step;
   step.request.duration_s = duration_s;
+  EXPECT_TRUE(ros::service::waitForService(name, 15000)) << name;
   EXPECT_TRUE(callService(name, step)) << name;
   return step.response;
 }

@@ -179,20 +179,21 @@ Eigen::VectorXd Chain::changeBy(const Model& model, const Eigen::VectorXd& x) {
 void Chain::fitReading(Model& model) {
   constexpr int kReadings = 10;
   constexpr double kStepShare = 0.05, kSettled = 0.1;  // of an amplitude's usual step, and of its standard deviation
-  std::vector<std::pair<Eigen::Index, double>> own;    // columns of such effects, with the step of each
+  std::vector<std::pair<Eigen::Index, const Amplitude*>> own;  // of such effects, with their place in x
   Eigen::Index column = unknowns();
   for (const Variant* v : model.variants) {
     for (const Amplitude& a : v->amplitudes) {
-      if (v->effect->reading_only) own.emplace_back(column, kStepShare * a.step);
+      if (v->effect->reading_only) own.emplace_back(column, &a);
       ++column;
     }
   }
   bool settled = own.empty();
   for (int reading = 0; reading < kReadings && !settled; ++reading) {
     const Eigen::VectorXd fitted = clipped(model, model.fit.x);
-    for (const auto& [k, step] : own) model.x[k] = fitted[k];
+    for (const auto& [k, amplitude] : own) model.x[k] = fitted[k];
     model.curve_n = *simulated(model, model.x, false);
-    for (const auto& [k, step] : own) {
+    for (const auto& [k, amplitude] : own) {
+      const double away = kStepShare * amplitude->step, step = model.x[k] + away > amplitude->most ? -away : away;
       Eigen::VectorXd beside = model.x;
       beside[k] += step;
       model.effect_columns.col(k - unknowns()) = (*simulated(model, beside, false) - model.curve_n) / step;

@@ -26,6 +26,7 @@ int main(int argc, char** argv) {
   }
 
   const CommandPublisher commands(node);
+
   // Wall time throughout: the hand on the stick knows no other.
   JoyMapping mapping(config);
   const ros::Subscriber joy_subscriber =

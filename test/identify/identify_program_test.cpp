@@ -144,7 +144,7 @@ bool whatCouldBeNamedWasSimulated(const nlohmann::json& report) {
 }
 
 TEST_F(IdentifyProgram, ALongLagOfTheLoadCellIsFoundAtItsSize) {
-  // Slopes about a cell without lag make half of it.
+  // Slopes about a cell without lag make a third of it.
   constexpr double kLagS = 1.5;
   const std::string clear = "run small.yaml --set procedure.start_gap_m=0.08 ";
   ASSERT_EQ(program(clear + "--out quick_cell_run").exit_code, 0);

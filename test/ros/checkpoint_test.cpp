@@ -82,7 +82,7 @@ class NodeCheckpoint : public testing::Test {
   Checkpoint::Response call(const std::string& service, const std::string& file) const {
     Checkpoint request;
     request.request.file = file;
-    EXPECT_TRUE(callService(name_ + "/" + service, request)) << service;
+    callWhenOffered(name_ + "/" + service, request);
     return request.response;
   }
   std::string refusal(const std::string& service, const std::string& file) const {

@@ -248,7 +248,7 @@ TEST_F(PullUpByAction, SecondGoalIsRejectedAndTheFirstGoesOn) {
 TEST_F(PullUpByAction, ScenarioIsNotReplacedUnderAGoalNorUnderAMovingCrane) {
   LoadScenario load;
   const auto answer = [&load] {
-    EXPECT_TRUE(callService("rig_node/load_scenario", load));
+    callWhenOffered("rig_node/load_scenario", load);
     EXPECT_FALSE(load.response.success);
     return load.response.message;
   };

@@ -35,8 +35,7 @@ Values set(const Values& numbers, const std::map<std::string, bool>& switches = 
     parameter.value = value;
     call.request.config.bools.push_back(parameter);
   }
-  EXPECT_TRUE(ros::service::waitForService("rig_node/set_parameters", 15000));
-  EXPECT_TRUE(callService("rig_node/set_parameters", call));
+  callWhenOffered("rig_node/set_parameters", call);
   Values after;
   for (const auto& parameter : call.response.config.doubles) after[parameter.name] = parameter.value;
   return after;
@@ -52,8 +51,7 @@ LoadScenario::Response load(const std::string& scenario, const std::string& over
   call.request.scenario = scenario;
   call.request.overlays = overlays;
   call.request.settings = settings;
-  EXPECT_TRUE(ros::service::waitForService("rig_node/load_scenario", 15000));
-  EXPECT_TRUE(callService("rig_node/load_scenario", call));
+  callWhenOffered("rig_node/load_scenario", call);
   return call.response;
 }
 

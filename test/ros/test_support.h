@@ -83,11 +83,17 @@ class Listener {
   ros::Subscriber subscriber_;
 };
 
+/// Calls a service as soon as a node offers it: one service after the other is offered.
+template <class Service>
+void callWhenOffered(const std::string& name, Service& service) {
+  EXPECT_TRUE(ros::service::waitForService(name, 15000)) << name;
+  EXPECT_TRUE(callService(name, service)) << name;
+}
+
 /// Calls one of the node's Trigger services; name relative to the test, e.g. "rig_node/pause".
 inline std_srvs::Trigger::Response callTrigger(const std::string& name) {
   std_srvs::Trigger trigger;
-  EXPECT_TRUE(ros::service::waitForService(name, 15000)) << name;
-  EXPECT_TRUE(callService(name, trigger)) << name;
+  callWhenOffered(name, trigger);
   return trigger.response;
 }
 
@@ -95,8 +101,7 @@ inline std_srvs::Trigger::Response callTrigger(const std::string& name) {
 inline Step::Response callStep(const std::string& name, double duration_s) {
   Step step;
   step.request.duration_s = duration_s;
-  EXPECT_TRUE(ros::service::waitForService(name, 15000)) << name;
-  EXPECT_TRUE(callService(name, step)) << name;
+  callWhenOffered(name, step);
   return step.response;
 }
 

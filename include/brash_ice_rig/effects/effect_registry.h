@@ -105,8 +105,8 @@ const std::deque<EffectDescription>& effectRegistry();
 const EffectDescription* findEffect(const std::string& name);
 
 /// @throws std::invalid_argument that names effect, parameter and rule, if a name is not made of a-z, 0-9 and _; if
-///   `make` is missing; if timing_sigma_s is not in [0, 10]; if a parameter is there twice, if its default, its prior or
-///   0 of an amplitude is not in its range, or if it is tried though triedShape() does not allow it
+///   `make` is missing; if timing_sigma_s is not in [0, 10]; if a parameter is there twice, if its default, its prior
+///   or 0 of an amplitude is not in its range, or if it is tried though triedShape() does not allow it
 void checkDescription(const EffectDescription& description);
 
 /// Adds an effect of the user's own. Its keys belong to each Scenario made from then on.
